@@ -1,4 +1,5 @@
-//! Tells the program the commit that it is built from, where there is a repository and git; else it does without.
+//! Tells the program the commit that it is built from, where there is a repository and git; else it does
+//! without.
 
 use std::{path::Path, process::Command};
 

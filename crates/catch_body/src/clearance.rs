@@ -13,8 +13,9 @@ use crate::{
 
 /// An arm's and its gripper's outline, prepared for distance queries that do not allocate.
 ///
-/// The arm is its capsules, the gripper the boxes of housing and fingers. Distances are exact for these, but between two boxes
-/// they are lower bounds; where solids overlap they are not above zero and tell no depth beyond a capsule's radius.
+/// The arm is its capsules, the gripper the boxes of housing and fingers. Distances are exact for these, but
+/// between two boxes they are lower bounds; where solids overlap they are not above zero and tell no depth
+/// beyond a capsule's radius.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmClearance {
     parts: Vec<Part>,
@@ -67,8 +68,9 @@ impl ArmClearance {
         Self { parts, pairs, near_gripper, near_held, X_LG, gripper, gripper_ball, obstacles }
     }
 
-    /// The smallest distance in metres between links that are more than the robot's `ignored_neighbours` apart in the chain,
-    /// the gripper at an opening of `width_m` counting as part of the last link; infinite if no two links may meet.
+    /// The smallest distance in metres between links that are more than the robot's `ignored_neighbours`
+    /// apart in the chain, the gripper at an opening of `width_m` counting as part of the last link; infinite
+    /// if no two links may meet.
     pub fn self_clearance(&self, X_WL: &LinkPoses, width_m: f64) -> f64 {
         let mut smallest = f64::INFINITY;
         for &(one, two) in &self.pairs {
@@ -96,8 +98,8 @@ impl ArmClearance {
         smallest
     }
 
-    /// The smallest distance in metres of any link but the base, and of the gripper at an opening of `width_m`, from its surroundings:
-    /// the floor and the obstacles.
+    /// The smallest distance in metres of any link but the base, and of the gripper at an opening of
+    /// `width_m`, from its surroundings: the floor and the obstacles.
     pub fn environment_clearance(&self, X_WL: &LinkPoses, width_m: f64) -> f64 {
         let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
         let boxes = self.boxes(width_m);
@@ -115,8 +117,8 @@ impl ArmClearance {
         })
     }
 
-    /// The smaller of `smallest` and the distances of all obstacles, of which those are asked for that may be below: what is measured
-    /// is inside of a ball with this centre in W and this radius.
+    /// The smaller of `smallest` and the distances of all obstacles, of which those are asked for that may be
+    /// below: what is measured is inside of a ball with this centre in W and this radius.
     fn near(&self, (centre_W, radius): (&Point3<f64>, f64), smallest: f64, distance: impl Fn(&Obstacle) -> f64) -> f64 {
         self.obstacles.iter().fold(smallest, |smallest, obstacle| {
             let may_be_nearer = obstacle.least_distance_to_ball(centre_W, radius) < smallest;
@@ -124,8 +126,8 @@ impl ArmClearance {
         })
     }
 
-    /// The smallest distance in metres of a box that the gripper holds, given in G, from its surroundings and from all links but the
-    /// last, which the gripper is mounted on.
+    /// The smallest distance in metres of a box that the gripper holds, given in G, from its surroundings and
+    /// from all links but the last, which the gripper is mounted on.
     pub fn held_clearance(&self, X_WL: &LinkPoses, held_G: &Cuboid) -> f64 {
         let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
         let (centre_W, reach) = (X_WG * held_G.centre, held_G.bounding_radius());
@@ -141,8 +143,8 @@ impl ArmClearance {
         smallest
     }
 
-    /// At least this far in metres a ball is from every part of arm and gripper and from every obstacle; less where it is inside of
-    /// the balls around them.
+    /// At least this far in metres a ball is from every part of arm and gripper and from every obstacle; less
+    /// where it is inside of the balls around them.
     pub fn least_distance_to_ball(&self, X_WL: &LinkPoses, centre_W: &Point3<f64>, radius: f64) -> f64 {
         let (middle, reach) = self.gripper_ball;
         let from = |X_WP: &Pose, centre: &Point3<f64>, reach: f64| (X_WP * centre - centre_W).norm() - reach - radius;
@@ -233,7 +235,8 @@ mod tests {
             let X_WL = robot.link_poses(&robot.joint_vector(&q).unwrap());
             let (nearest, lowest) = sampled(&robot, &X_WL, width_m);
             let found = clearance.self_clearance(&X_WL, width_m);
-            // Samples on the boxes are up to 8 mm from the nearest point, and inside a capsule they see deeper.
+            // Samples on the boxes are up to 8 mm from the nearest point, and inside a capsule they see
+            // deeper.
             prop_assert!(found <= nearest + 1e-9 || found < 0.0, "{found} is above the sampled {nearest}");
             prop_assert!(found > nearest - 0.008, "{found} is far below the sampled {nearest}");
             let found = clearance.environment_clearance(&X_WL, width_m);

@@ -12,8 +12,8 @@ pub fn gravity() -> Vector3<f64> {
 impl Robot {
     /// Joint torques τ = M(q)·q̈ + C(q, q̇)·q̇ + g(q) + Iᵣ·q̈ + d·q̇ in N·m, rotors and damping included.
     ///
-    /// Recursive Newton–Euler in world axes (Featherstone, Rigid Body Dynamics Algorithms, table 5.1; gravity enters as an
-    /// upward acceleration of the base).
+    /// Recursive Newton–Euler in world axes (Featherstone, Rigid Body Dynamics Algorithms, table 5.1; gravity
+    /// enters as an upward acceleration of the base).
     pub fn inverse_dynamics(&self, q: &JointVector, dq: &JointVector, ddq: &JointVector) -> JointVector {
         let X_WL = self.link_poses(q);
         let mut omega = Vector3::zeros();
@@ -56,8 +56,8 @@ impl Robot {
         torque
     }
 
-    /// Mass matrix M(q) in kg·m², rotors included, with ones for the joints that the arm has not: column i is the torque that
-    /// accelerates joint i alone by 1 rad/s², without gravity.
+    /// Mass matrix M(q) in kg·m², rotors included, with ones for the joints that the arm has not: column i is
+    /// the torque that accelerates joint i alone by 1 rad/s², without gravity.
     pub fn mass_matrix(&self, q: &JointVector) -> MassMatrix {
         let still = JointVector::zeros();
         let gravity = self.inverse_dynamics(q, &still, &still);

@@ -1,9 +1,11 @@
-//! Motion of a rigid body in free flight, with its derivatives: gravity, drag, Magnus force, free rotation whose spin decays.
+//! Motion of a rigid body in free flight, with its derivatives: gravity, drag, Magnus force, free rotation
+//! whose spin decays.
 //!
-//! v̇ = g − |v|·R·D·Rᵀ·v + k·(R·ω)×v + s×v + a, Ṙ = R·(ω×), ω̇ = J⁻¹·(J·ω×ω) − c·ω + α, with ω and all matrices in the body frame.
-//! D = exp(M) with M symmetric, so that air never accelerates; J = exp(S) with S symmetric and traceless, because only ratios of the
-//! inertia matter. s is the Magnus force of a spin that nobody measured, k·ω in the world; a and α disturb the motion. A tracked
-//! point lies at p + R·r. Perturbations of the orientation are in the body frame: R·exp(δθ×).
+//! v̇ = g − |v|·R·D·Rᵀ·v + k·(R·ω)×v + s×v + a, Ṙ = R·(ω×), ω̇ = J⁻¹·(J·ω×ω) − c·ω + α, with ω and all
+//! matrices in the body frame. D = exp(M) with M symmetric, so that air never accelerates; J = exp(S) with S
+//! symmetric and traceless, because only ratios of the inertia matter. s is the Magnus force of a spin that
+//! nobody measured, k·ω in the world; a and α disturb the motion. A tracked point lies at p + R·r.
+//! Perturbations of the orientation are in the body frame: R·exp(δθ×).
 
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
@@ -17,7 +19,8 @@ pub const V: usize = 3;
 pub const THETA: usize = 6;
 /// See [`V`].
 pub const OMEGA: usize = 9;
-/// First parameters in the error state: the tracked point, the drag, the Magnus coefficient, the decay, the inertia, the lift.
+/// First parameters in the error state: the tracked point, the drag, the Magnus coefficient, the decay, the
+/// inertia, the lift.
 pub const POINT: usize = 12;
 /// See [`POINT`].
 pub const DRAG: usize = 15;
@@ -103,7 +106,8 @@ fn traceless_unit(i: usize) -> Matrix3<f64> {
 
 /// The exponential of a symmetric matrix and its derivatives along others.
 ///
-/// exp(U·Λ·Uᵀ) = U·exp(Λ)·Uᵀ; its derivative along E is U·(Γ∘(Uᵀ·E·U))·Uᵀ with Γᵢⱼ = (exp λᵢ − exp λⱼ)/(λᵢ − λⱼ).
+/// exp(U·Λ·Uᵀ) = U·exp(Λ)·Uᵀ; its derivative along E is U·(Γ∘(Uᵀ·E·U))·Uᵀ with Γᵢⱼ = (exp λᵢ − exp λⱼ)/(λᵢ −
+/// λⱼ).
 fn exponential<const COUNT: usize>(
     matrix: &Matrix3<f64>,
     along: fn(usize) -> Matrix3<f64>,
@@ -148,7 +152,8 @@ impl FlyingBody {
         self.inverse * (self.inertia * w).cross(w) - w * self.decay
     }
 
-    /// Its derivative, given that of ω: δω̇ = J⁻¹(δ(J·ω)×ω + J·ω×δω − δJ·ω̇ᵢ) − c·δω − ω·δc, ω̇ᵢ without the decay.
+    /// Its derivative, given that of ω: δω̇ = J⁻¹(δ(J·ω)×ω + J·ω×δω − δJ·ω̇ᵢ) − c·δω − ω·δc, ω̇ᵢ without the
+    /// decay.
     fn spin_rate_by(&self, w: &Vector3<f64>, dw: &ByState) -> ByState {
         let momentum = self.inertia * w;
         let inertial = self.inverse * momentum.cross(w);

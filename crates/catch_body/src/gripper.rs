@@ -1,7 +1,7 @@
 //! A parallel gripper with two fingers.
 //!
-//! Frame G: the fingers close along x, y is the approach, z runs across the gap. The finger called left is the one at
-//! negative x. `width` is the distance between the inner faces.
+//! Frame G: the fingers close along x, y is the approach, z runs across the gap. The finger called left is
+//! the one at negative x. `width` is the distance between the inner faces.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::Deserialize;
@@ -68,8 +68,8 @@ pub struct PublishedParts {
     /// How far the fingers' boxes are behind x = ±width/2.
     #[serde(deserialize_with = "quantity::offset_m")]
     pub finger_recess_m: f64,
-    /// Centres of the balls with which a finger touches, from where its inner face would be at x = ±width/2 (x outward), and from the
-    /// fingers' centre along y and z.
+    /// Centres of the balls with which a finger touches, from where its inner face would be at x = ±width/2
+    /// (x outward), and from the fingers' centre along y and z.
     #[serde(deserialize_with = "quantity::offset_m")]
     pub tips_m: Vec<[f64; 3]>,
     /// Radius of these balls.
@@ -95,7 +95,8 @@ pub struct Drive {
 }
 
 impl Default for Drive {
-    /// That of a Schunk WSG-50: the rate is the data sheet's; no latency is published, 30 ms is plausible over a network.
+    /// That of a Schunk WSG-50: the rate is the data sheet's; no latency is published, 30 ms is plausible
+    /// over a network.
     fn default() -> Self {
         Self { control: DriveControl::SpeedAndForce, latency_s: 0.03, state_rate_hz: 140.0 }
     }
@@ -109,7 +110,8 @@ pub enum DriveControl {
     SpeedAndForce,
     /// The width alone: always at full speed, with all the force.
     Position,
-    /// Open or closed: a width above half of the widest opens the fingers as far as they go, any other closes them.
+    /// Open or closed: a width above half of the widest opens the fingers as far as they go, any other closes
+    /// them.
     TwoState,
 }
 
@@ -170,7 +172,8 @@ impl Gripper {
         self.published.as_ref().filter(|_| self.is_published)
     }
 
-    /// What the left and the right finger touch with in G at an opening of `width_m`: a box, and balls with their radius.
+    /// What the left and the right finger touch with in G at an opening of `width_m`: a box, and balls with
+    /// their radius.
     pub fn finger_contacts(&self, width_m: f64) -> [FingerContact; 2] {
         let Some(parts) = self.as_simulated() else { return self.fingers(width_m).map(|finger| (finger, Vec::new())) };
         let [left, right] = self.fingers(width_m + 2.0 * parts.finger_recess_m);

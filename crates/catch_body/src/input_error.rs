@@ -42,8 +42,8 @@ impl InputError {
         }
     }
 
-    /// A result that cannot be written to `file`; `expected` says what would help. Where no file could ever be, the place is at fault,
-    /// which is input; a full disk is not.
+    /// A result that cannot be written to `file`; `expected` says what would help. Where no file could ever
+    /// be, the place is at fault, which is input; a full disk is not.
     pub fn unwritten(file: impl Display, fault: &std::io::Error, expected: impl Display) -> Self {
         use std::io::ErrorKind::{
             AlreadyExists, InvalidFilename, InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied,

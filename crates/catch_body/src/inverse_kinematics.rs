@@ -1,11 +1,12 @@
-//! Inverse kinematics: numerical for any arm; in closed form for [six joints with three parallel axes](ParallelAxesArm), for [seven
-//! with a spherical shoulder](SphericalShoulderArm), and for S-R-S arms: seven joints, three axes that meet in a shoulder, one elbow,
-//! three that meet in a wrist, and no offsets.
+//! Inverse kinematics: numerical for any arm; in closed form for [six joints with three parallel
+//! axes](ParallelAxesArm), for [seven with a spherical shoulder](SphericalShoulderArm), and for S-R-S arms:
+//! seven joints, three axes that meet in a shoulder, one elbow, three that meet in a wrist, and no offsets.
 //!
-//! The position of the wrist fixes the elbow but for a swivel about the line from shoulder to wrist; each swivel angle leaves
-//! eight solutions (sign of elbow, shoulder and wrist). After Shimizu et al., Analytical Inverse Kinematic Computation for
-//! 7-DOF Redundant Manipulators with Joint Limits, IEEE T-RO 24(5), 2008, but written for arbitrary directions of the
-//! axes: everything is expressed by the axes in W while all joints are at zero.
+//! The position of the wrist fixes the elbow but for a swivel about the line from shoulder to wrist; each
+//! swivel angle leaves eight solutions (sign of elbow, shoulder and wrist). After Shimizu et al., Analytical
+//! Inverse Kinematic Computation for 7-DOF Redundant Manipulators with Joint Limits, IEEE T-RO 24(5), 2008,
+//! but written for arbitrary directions of the axes: everything is expressed by the axes in W while all
+//! joints are at zero.
 
 mod angles;
 mod arcs;
@@ -80,8 +81,8 @@ pub struct ElbowCircle {
     elbow_bend: f64,
 }
 
-/// Three joints that turn about u, b and u, as forms of the swivel angle: (x, y) of the first and the last one's angles, for a
-/// positive middle one, and the cosine of the middle one's.
+/// Three joints that turn about u, b and u, as forms of the swivel angle: (x, y) of the first and the last
+/// one's angles, for a positive middle one, and the cosine of the middle one's.
 #[derive(Debug, Clone, Copy)]
 struct EulerForms {
     along: Harmonic,
@@ -137,8 +138,8 @@ impl SrsArm {
         self.p_GW
     }
 
-    /// How far the wrist may be from the shoulder if the elbow's joint is to be within `range`, in radians: the least and
-    /// the most, squared, in m².
+    /// How far the wrist may be from the shoulder if the elbow's joint is to be within `range`, in radians:
+    /// the least and the most, squared, in m².
     pub fn wrist_distances_squared(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let (a, b) = (self.upper_arm, self.forearm);
         let least_bend = low.max(-high).max(0.0);
@@ -174,7 +175,8 @@ impl SrsArm {
         })
     }
 
-    /// All joint positions within limits that put the gripper in the circle's pose with the elbow at `swivel` radians.
+    /// All joint positions within limits that put the gripper in the circle's pose with the elbow at `swivel`
+    /// radians.
     pub fn solve(&self, circle: &ElbowCircle, swivel: f64) -> Solutions {
         let mut solutions = Solutions::default();
         for q in self.branches(circle, swivel) {
@@ -217,10 +219,11 @@ impl SrsArm {
         libm::atan2(upper.dot(&circle.across[1]), upper.dot(&circle.across[0]))
     }
 
-    /// Angles of joints `first`, `first + 1`, `first + 2`, whose product of rotations is `R`; the middle one is negative if
-    /// `turned_over`.
+    /// Angles of joints `first`, `first + 1`, `first + 2`, whose product of rotations is `R`; the middle one
+    /// is negative if `turned_over`.
     ///
-    /// With u the first and third axis, b the second and c = b × u: R·u = u·cos β + (c·cos α + b·sin α)·sin β.
+    /// With u the first and third axis, b the second and c = b × u: R·u = u·cos β + (c·cos α + b·sin α)·sin
+    /// β.
     fn euler_angles(&self, R: &Rotation3<f64>, first: usize, turned_over: bool) -> [f64; 3] {
         let u = self.along.into_inner();
         let b = self.axes[first + 1].into_inner();
@@ -287,7 +290,8 @@ mod tests {
             }
         }
 
-        /// Where the wrist is tells how far the elbow is bent, and bending it more or less takes the wrist out of the range.
+        /// Where the wrist is tells how far the elbow is bent, and bending it more or less takes the wrist
+        /// out of the range.
         #[test]
         fn the_wrist_is_as_far_away_as_the_elbow_lets_it(
             unit in prop::array::uniform7(-0.99f64..0.99), below in 0.001f64..1.0, above in 0.001f64..1.0,

@@ -11,8 +11,8 @@ use crate::{
 pub type LinkPoses = [Pose; MAX_JOINTS + 1];
 
 impl Robot {
-    /// Pose of every link in W for the joint positions `q` in radians: entry 0 is the base, entry i + 1 the link that joint i (from
-    /// zero) moves.
+    /// Pose of every link in W for the joint positions `q` in radians: entry 0 is the base, entry i + 1 the
+    /// link that joint i (from zero) moves.
     pub fn link_poses(&self, q: &JointVector) -> LinkPoses {
         let mut X_WL = [self.X_WB; MAX_JOINTS + 1];
         for i in 0..MAX_JOINTS {
@@ -45,9 +45,11 @@ impl Robot {
         (X_WL.rotation * self.joints[i].axis, Point3::from(X_WL.translation.vector))
     }
 
-    /// Jacobian of the last link's angular velocity and of the velocity of a point at `p_WP` that moves with it, in W.
+    /// Jacobian of the last link's angular velocity and of the velocity of a point at `p_WP` that moves with
+    /// it, in W.
     ///
-    /// Column i is (zᵢ, zᵢ × (p − oᵢ)) with the joint's axis zᵢ through oᵢ (Siciliano et al., Robotics, eq. 3.30).
+    /// Column i is (zᵢ, zᵢ × (p − oᵢ)) with the joint's axis zᵢ through oᵢ (Siciliano et al., Robotics, eq.
+    /// 3.30).
     pub fn jacobian(&self, X_WL: &LinkPoses, p_WP: &Point3<f64>) -> Jacobian {
         let mut jacobian = Jacobian::zeros();
         for i in 0..self.dof() {
@@ -58,8 +60,8 @@ impl Robot {
         jacobian
     }
 
-    /// Spatial velocity of the gripper's frame in W, in rad/s and m/s, at the joint positions `q` in radians and velocities `dq` in
-    /// rad/s.
+    /// Spatial velocity of the gripper's frame in W, in rad/s and m/s, at the joint positions `q` in radians
+    /// and velocities `dq` in rad/s.
     pub fn gripper_twist(&self, q: &JointVector, dq: &JointVector) -> Twist {
         let X_WL = self.link_poses(q);
         let p_WG = Point3::from(self.gripper_in(&X_WL).translation.vector);
@@ -67,8 +69,8 @@ impl Robot {
         Twist { angular: V_WG.fixed_rows::<3>(0).into(), linear: V_WG.fixed_rows::<3>(3).into() }
     }
 
-    /// Speed of the hand in m/s: the higher one of the last link's origin and of the tool. No point between them is faster, such as the
-    /// flange.
+    /// Speed of the hand in m/s: the higher one of the last link's origin and of the tool. No point between
+    /// them is faster, such as the flange.
     pub fn hand_speed_mps(&self, q: &JointVector, dq: &JointVector) -> f64 {
         let X_WL = self.link_poses(q);
         let points = [Point3::from(X_WL[MAX_JOINTS].translation.vector), self.gripper_in(&X_WL) * self.tool_G];

@@ -1,14 +1,16 @@
 //! Bodies: what the catching robot's brain and the arena it acts in both know about physical things.
 //!
-//! Poses, meshes and shapes, ray casting, collision distance; a serial arm read from a URDF and a `robot.toml`, its forward
-//! and inverse kinematics, Jacobians and inverse dynamics; a parallel gripper. There is no camera, no throw and no time
-//! here.
+//! Poses, meshes and shapes, ray casting, collision distance; a serial arm read from a URDF and a
+//! `robot.toml`, its forward and inverse kinematics, Jacobians and inverse dynamics; a parallel gripper.
+//! There is no camera, no throw and no time here.
 //!
-//! Poses are written in monogram notation: `X_WG` is the pose of frame G in frame W, `p_WO` the position of O in W, `R_WG`
-//! a rotation. W is the world (z up), G the gripper, O the object with its origin at the centre of mass, L a link of the arm.
+//! Poses are written in monogram notation: `X_WG` is the pose of frame G in frame W, `p_WO` the position of O
+//! in W, `R_WG` a rotation. W is the world (z up), G the gripper, O the object with its origin at the centre
+//! of mass, L a link of the arm.
 //!
-//! Begin with [`Robot`] (an arm from its two files, with [kinematics], [dynamics] and [inverse kinematics](inverse_kinematics)),
-//! [`TriangleMesh`] (solids and their mass properties) and [`mod@quantity`] (what every number of a file is checked against):
+//! Begin with [`Robot`] (an arm from its two files, with [kinematics], [dynamics] and [inverse
+//! kinematics](inverse_kinematics)), [`TriangleMesh`] (solids and their mass properties) and [`mod@quantity`]
+//! (what every number of a file is checked against):
 //!
 //! ```
 //! use catch_body::TriangleMesh;

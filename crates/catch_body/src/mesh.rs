@@ -12,8 +12,8 @@ pub use solids::TubeRing;
 
 /// A surface of triangles.
 ///
-/// Seen from outside the corners of a triangle run counter-clockwise. Coordinates are in metres, in the frame of whatever
-/// body the mesh belongs to.
+/// Seen from outside the corners of a triangle run counter-clockwise. Coordinates are in metres, in the frame
+/// of whatever body the mesh belongs to.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TriangleMesh {
     /// Corner points.
@@ -33,7 +33,8 @@ impl TriangleMesh {
         (0..self.triangles.len()).map(|index| self.corners(index))
     }
 
-    /// The same surface in another frame: `X_AB` is the pose of the mesh's present frame B in the new frame A.
+    /// The same surface in another frame: `X_AB` is the pose of the mesh's present frame B in the new frame
+    /// A.
     pub fn transformed(mut self, X_AB: &Pose) -> Self {
         for vertex in &mut self.vertices {
             *vertex = X_AB * *vertex;
@@ -49,7 +50,8 @@ impl TriangleMesh {
         self
     }
 
-    /// Adds the triangles of `other`, which is given in the same frame. Neither surface is cut where they meet.
+    /// Adds the triangles of `other`, which is given in the same frame. Neither surface is cut where they
+    /// meet.
     pub fn merge(&mut self, other: &Self) {
         let first = index(self.vertices.len());
         self.vertices.extend_from_slice(&other.vertices);
@@ -61,7 +63,8 @@ impl TriangleMesh {
         self.vertices.iter().map(|vertex| vertex.coords.norm()).fold(0.0, f64::max)
     }
 
-    /// The smallest box along the axes that holds the mesh; a mesh without vertices has an empty one at the origin.
+    /// The smallest box along the axes that holds the mesh; a mesh without vertices has an empty one at the
+    /// origin.
     pub fn aabb(&self) -> Cuboid {
         let Some(first) = self.vertices.first() else {
             return Cuboid { centre: Point3::origin(), size: Vector3::zeros() };
@@ -71,8 +74,8 @@ impl TriangleMesh {
         Cuboid { centre: Point3::from((low + high) / 2.0), size: high - low }
     }
 
-    /// Whether the surface encloses a solid: as many triangles run along each edge in one direction as in the other. Mostly that is one;
-    /// where parts of a solid touch along an edge it is two.
+    /// Whether the surface encloses a solid: as many triangles run along each edge in one direction as in the
+    /// other. Mostly that is one; where parts of a solid touch along an edge it is two.
     pub fn is_closed(&self) -> bool {
         let mut uses: HashMap<(u32, u32), (u32, u32)> = HashMap::new();
         for &[a, b, c] in &self.triangles {
@@ -97,9 +100,10 @@ impl TriangleMesh {
 
     /// Mass, centre of mass and inertia of the enclosed solid at uniform density; the mesh must be closed.
     ///
-    /// Each signed tetrahedron (p₀, p₁, p₂, p₃) of volume V has the first moment V·(Σ pᵢ)/4 and the second moment
-    /// ∫ p·pᵀ dV = V/20·(Σ pᵢ·pᵢᵀ + (Σ pᵢ)·(Σ pᵢ)ᵀ); the inertia is tr(C)·1 − C of the summed second moment C
-    /// (Blow & Binstock, How to find the inertia tensor of a 3D solid body represented by a triangle mesh, 2004).
+    /// Each signed tetrahedron (p₀, p₁, p₂, p₃) of volume V has the first moment V·(Σ pᵢ)/4 and the second
+    /// moment ∫ p·pᵀ dV = V/20·(Σ pᵢ·pᵢᵀ + (Σ pᵢ)·(Σ pᵢ)ᵀ); the inertia is tr(C)·1 − C of the summed second
+    /// moment C (Blow & Binstock, How to find the inertia tensor of a 3D solid body represented by a triangle
+    /// mesh, 2004).
     ///
     /// # Panics
     /// If the mesh encloses no volume, which a mesh that was read from a file or built here always does.
@@ -148,7 +152,8 @@ impl TriangleMesh {
     }
 }
 
-/// The signed volume of the tetrahedron from `apex` to a triangle, and the triangle's corners relative to `apex`.
+/// The signed volume of the tetrahedron from `apex` to a triangle, and the triangle's corners relative to
+/// `apex`.
 fn tetrahedron(apex: &Point3<f64>, corners: &[Point3<f64>; 3]) -> (f64, [Vector3<f64>; 3]) {
     let [a, b, c] = corners.map(|corner| corner - apex);
     (a.dot(&b.cross(&c)) / 6.0, [a, b, c])

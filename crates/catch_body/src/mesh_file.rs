@@ -17,15 +17,15 @@ pub const MOST_TRIANGLES: usize = 1_500_000;
 /// The thinnest solid that is accepted: its volume as a fraction of the cube of its longest side.
 const LEAST_FILLING: f64 = 1e-9;
 
-/// Reads a closed solid; the extension of `file` (`.obj` or `.stl`) says which format the bytes have, `scale` turns the
-/// file's unit of length into metres.
+/// Reads a closed solid; the extension of `file` (`.obj` or `.stl`) says which format the bytes have, `scale`
+/// turns the file's unit of length into metres.
 ///
-/// Vertices at the same place become one and triangles without area are left out, so that neighbours share their edges. A
-/// solid that is turned inside out is turned back.
+/// Vertices at the same place become one and triangles without area are left out, so that neighbours share
+/// their edges. A solid that is turned inside out is turned back.
 ///
 /// # Errors
-/// If the bytes are not a mesh of that format, or the mesh has no triangles, numbers that are not finite, indices without a
-/// vertex, holes, or no volume.
+/// If the bytes are not a mesh of that format, or the mesh has no triangles, numbers that are not finite,
+/// indices without a vertex, holes, or no volume.
 pub fn mesh_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<TriangleMesh, InputError> {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for (points, faces) in read_groups(file, bytes, scale)? {
@@ -36,11 +36,12 @@ pub fn mesh_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<TriangleM
     solid(file, welded(&vertices, &triangles, scale))
 }
 
-/// Reads the vertices of each group of an OBJ file, in metres; an STL file is one group. Nothing is asked of the faces.
+/// Reads the vertices of each group of an OBJ file, in metres; an STL file is one group. Nothing is asked of
+/// the faces.
 ///
 /// # Errors
-/// If the bytes are not a mesh of that format, or a group has no triangle, or numbers that are not finite, or indices without a
-/// vertex.
+/// If the bytes are not a mesh of that format, or a group has no triangle, or numbers that are not finite, or
+/// indices without a vertex.
 pub fn groups_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Vec<Point3<f64>>>, InputError> {
     let groups = read_groups(file, bytes, scale)?;
     if groups.is_empty() {
@@ -99,7 +100,8 @@ pub fn checked(file: &str, groups: Vec<Soup>) -> Result<Vec<Soup>, InputError> {
 /// Vertices and triangles as a file has them.
 pub type Soup = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
-/// Joins vertices that lie at the same place, drops triangles that are left without three corners, and scales.
+/// Joins vertices that lie at the same place, drops triangles that are left without three corners, and
+/// scales.
 pub fn welded(vertices: &[[f64; 3]], triangles: &[[u32; 3]], scale: f64) -> TriangleMesh {
     let mut places = std::collections::HashMap::new();
     let mut mesh = TriangleMesh::default();

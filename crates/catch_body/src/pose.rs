@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 /// The pose of one frame in another: rotation and translation in metres.
 pub type Pose = Isometry3<f64>;
 
-/// Spatial velocity of a frame: angular velocity and the velocity of the frame's origin, both measured and expressed in W.
+/// Spatial velocity of a frame: angular velocity and the velocity of the frame's origin, both measured and
+/// expressed in W.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Twist {
     /// Angular velocity in rad/s.
@@ -22,7 +23,8 @@ impl Twist {
     }
 }
 
-/// A pose as files write it: position in metres and roll-pitch-yaw (fixed axes x, y, z, as in URDF) in radians.
+/// A pose as files write it: position in metres and roll-pitch-yaw (fixed axes x, y, z, as in URDF) in
+/// radians.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseFields {
@@ -42,8 +44,8 @@ impl PoseFields {
     }
 }
 
-/// The pose of a frame at `eye` whose z axis points at `target` and whose y axis points down as far as it can: the
-/// convention of cameras.
+/// The pose of a frame at `eye` whose z axis points at `target` and whose y axis points down as far as it
+/// can: the convention of cameras.
 pub fn look_at(eye: &Point3<f64>, target: &Point3<f64>) -> Pose {
     let forward = (target - eye).normalize();
     let up = if forward.z.abs() > 0.999 { Vector3::y() } else { Vector3::z() };

@@ -1,6 +1,7 @@
 //! Checked quantities: the ranges that numbers in files may have, by what they measure.
 //!
-//! A field of a file names its quantity, whatever its shape (a number, an optional one, a list, a vector of fixed length):
+//! A field of a file names its quantity, whatever its shape (a number, an optional one, a list, a vector of
+//! fixed length):
 //!
 //! ```
 //! use catch_body::{InputError, quantity};
@@ -16,7 +17,8 @@
 //! assert_eq!(fault.to_string(), "ball.toml: mass_kg: found 58, expected 0.001 to 5 kg");
 //! ```
 //!
-//! No range contains infinity or NaN. The ranges are wide: outside of them a file is in other units, or nonsense.
+//! No range contains infinity or NaN. The ranges are wide: outside of them a file is in other units, or
+//! nonsense.
 
 use std::{
     fmt::{self, Display},
@@ -228,7 +230,8 @@ quantities! {
     size_m SIZE_M = 0.001 to 2.0 "m";
     /// Radii of the parts of an arm.
     radius_m RADIUS_M = 0.001 to 0.5 "m";
-    /// The extent of something that stands in a workcell. Thinner things could be passed through between two steps of the physics.
+    /// The extent of something that stands in a workcell. Thinner things could be passed through between two
+    /// steps of the physics.
     obstacle_size_m OBSTACLE_SIZE_M = 0.01 to 50.0 "m";
     /// Distances within a cell.
     distance_m DISTANCE_M = 0.001 to 50.0 "m";

@@ -15,15 +15,16 @@ use crate::mesh::TriangleMesh;
 
 pub use arm_surface::{ArmSurface, SurfacePart};
 
-/// How much the boxes of the hierarchy are widened, as a fraction of the mesh's radius. They are crossed in single precision,
-/// whose rounding errors stay far below this, so no triangle that the ray meets is ever passed over.
+/// How much the boxes of the hierarchy are widened, as a fraction of the mesh's radius. They are crossed in
+/// single precision, whose rounding errors stay far below this, so no triangle that the ray meets is ever
+/// passed over.
 const BOX_PADDING: f64 = 1e-5;
 
 /// A mesh prepared for ray casting in its own frame.
 ///
-/// A bounding volume hierarchy in single precision finds the triangles, which are then intersected in double precision with
-/// the unchanged ray. So the answer is the one that trying every triangle would give, bit for bit, however far away the ray
-/// starts.
+/// A bounding volume hierarchy in single precision finds the triangles, which are then intersected in double
+/// precision with the unchanged ray. So the answer is the one that trying every triangle would give, bit for
+/// bit, however far away the ray starts.
 #[derive(Debug, Clone)]
 pub struct RayCaster {
     hierarchy: CwBvh,
@@ -76,12 +77,14 @@ impl RayCaster {
         self.radius
     }
 
-    /// Half the size of the box around [`Self::centre`], along the axes of the mesh's frame, that holds the mesh.
+    /// Half the size of the box around [`Self::centre`], along the axes of the mesh's frame, that holds the
+    /// mesh.
     pub fn half_size(&self) -> Vector3<f64> {
         self.half_size
     }
 
-    /// The smallest t ≥ 0 at which origin + t·direction lies on the surface, seen from either side; `None` if there is none.
+    /// The smallest t ≥ 0 at which origin + t·direction lies on the surface, seen from either side; `None` if
+    /// there is none.
     ///
     /// The direction may have any length but zero: t counts in its multiples, metres for a unit vector.
     pub fn cast(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<f64> {
@@ -134,7 +137,8 @@ impl RayCaster {
         // The traversal starts just outside the ball around the mesh, where single precision is fine.
         let entry = nearest - 1.5 * self.radius / speed;
         let single = |vector: Vector3<f64>| <[f32; 3]>::from(vector.cast::<f32>()).into();
-        // The traversal skips boxes that begin behind a bound, which is rounded up so that rounding hides nothing.
+        // The traversal skips boxes that begin behind a bound, which is rounded up so that rounding hides
+        // nothing.
         let bound = |t: f64| ((t - entry) * speed + self.radius * BOX_PADDING) as f32;
         // Adding zero turns −0 into +0, of which the traversal would take the sign for a direction.
         let along = single((direction / speed).add_scalar(0.0));
@@ -168,15 +172,16 @@ impl Triangle {
 
     /// The ray parameter t ≥ 0 where the ray crosses the triangle, from either side.
     ///
-    /// Solves o + t·d = a + u·e₁ + v·e₂ by Cramer's rule (Möller & Trumbore, Fast, minimum storage ray/triangle intersection,
-    /// 1997).
+    /// Solves o + t·d = a + u·e₁ + v·e₂ by Cramer's rule (Möller & Trumbore, Fast, minimum storage
+    /// ray/triangle intersection, 1997).
     fn intersect(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<f64> {
         // A ray through an edge must hit at least one of its two triangles, whatever the rounding.
         const SLACK: f64 = 1e-9;
         const WITHIN: std::ops::RangeInclusive<f64> = -SLACK..=1.0 + SLACK;
         let [e1, e2] = self.edges;
         let p = direction.cross(&e2);
-        // A ray within the triangle's plane makes this infinite and what follows undefined, which is within no range.
+        // A ray within the triangle's plane makes this infinite and what follows undefined, which is within
+        // no range.
         let inverse = 1.0 / e1.dot(&p);
         let s = origin - self.corner;
         let u = s.dot(&p) * inverse;

@@ -10,12 +10,12 @@ use crate::{Gripper, pose::Pose, quantity, shape::Capsule, velocity_table::Veloc
 /// The most joints an arm may have.
 pub const MAX_JOINTS: usize = 8;
 
-/// One number per joint, base to tip: radians, rad/s, rad/s² or N·m. An arm with fewer joints than [`MAX_JOINTS`] leaves the
-/// last entries at zero, so that vectors are plain values and nothing allocates.
+/// One number per joint, base to tip: radians, rad/s, rad/s² or N·m. An arm with fewer joints than
+/// [`MAX_JOINTS`] leaves the last entries at zero, so that vectors are plain values and nothing allocates.
 pub type JointVector = SVector<f64, MAX_JOINTS>;
 
-/// Maps joint velocities in rad/s to a spatial velocity in W: rows 0–2 angular in rad/s, rows 3–5 linear in m/s; one column per
-/// joint, base to tip, zero beyond the last.
+/// Maps joint velocities in rad/s to a spatial velocity in W: rows 0–2 angular in rad/s, rows 3–5 linear in
+/// m/s; one column per joint, base to tip, zero beyond the last.
 pub type Jacobian = SMatrix<f64, 6, MAX_JOINTS>;
 
 /// Maps joint accelerations in rad/s² to torques in N·m; entries in kg·m².
@@ -82,7 +82,8 @@ impl Inertia {
         Self { mass, com, about_com }
     }
 
-    /// Whether a body can have these moments: principal moments above zero, none larger than the sum of the other two.
+    /// Whether a body can have these moments: principal moments above zero, none larger than the sum of the
+    /// other two.
     pub fn is_of_a_body(&self) -> bool {
         let moments = self.about_com.symmetric_eigenvalues();
         moments.min() > 0.0 && 2.0 * moments.max() <= moments.sum() * (1.0 + 1e-9)
@@ -164,7 +165,8 @@ pub struct Robot {
     pub X_LG: Pose,
     /// The same of grippers that are mounted in another way, by their names.
     pub own_X_LG: BTreeMap<String, Pose>,
-    /// Where the fingers close, in the frame of the gripper: its origin until one is [carried](Self::carrying).
+    /// Where the fingers close, in the frame of the gripper: its origin until one is
+    /// [carried](Self::carrying).
     pub tool_G: Point3<f64>,
     /// Speed of the hand in m/s at which the maker's controller stops, where one is stated.
     pub max_hand_speed_mps: Option<f64>,
@@ -172,7 +174,8 @@ pub struct Robot {
     pub comfortable_q: JointVector,
     /// Where the arm waits when nothing else is said.
     pub ready_q: JointVector,
-    /// The arm's outline: capsules in the frame of link `.0`, link 0 being the base and link i the one that joint i moves.
+    /// The arm's outline: capsules in the frame of link `.0`, link 0 being the base and link i the one that
+    /// joint i moves.
     pub capsules: Vec<(usize, Capsule)>,
     /// Links at most this far apart in the chain are not checked for collision with each other.
     pub ignored_neighbours: usize,

@@ -1,4 +1,5 @@
-//! Reads an arm from its URDF and the `robot.toml` beside it. A limit that is missing is an error, never a guess.
+//! Reads an arm from its URDF and the `robot.toml` beside it. A limit that is missing is an error, never a
+//! guess.
 
 mod inertia;
 
@@ -149,8 +150,8 @@ impl Robot {
     /// Builds the arm that the two files describe.
     ///
     /// # Errors
-    /// The first fault found: not a URDF, not one serial chain of 1 to [`MAX_JOINTS`] revolute joints, a joint without limits
-    /// or inertia, a field of the TOML that is missing, misspelt or out of range.
+    /// The first fault found: not a URDF, not one serial chain of 1 to [`MAX_JOINTS`] revolute joints, a
+    /// joint without limits or inertia, a field of the TOML that is missing, misspelt or out of range.
     pub fn from_files(files: &RobotFiles) -> Result<Self, InputError> {
         let document = urdf::parse(files.urdf_file, files.urdf)?;
         let urdf = Urdf::read(&document)?;
@@ -411,8 +412,9 @@ pub(crate) mod tests {
         Robot::from_files(&RobotFiles { urdf_file: "robot.urdf", urdf, toml_file: "robot.toml", toml })
     }
 
-    /// Franka's documentation: a joint may turn towards an end of its range at √(k·d) − c and at most at v, where d is the way to that end.
-    /// Between the rows of a table, up to 0.9 rad/s apart, straight lines lie up to 0.11 rad/s below the curve.
+    /// Franka's documentation: a joint may turn towards an end of its range at √(k·d) − c and at most at v,
+    /// where d is the way to that end. Between the rows of a table, up to 0.9 rad/s apart, straight lines lie
+    /// up to 0.11 rad/s below the curve.
     #[test]
     fn the_velocity_tables_of_the_fr3_lie_just_within_its_published_limits() {
         const PUBLISHED: [([f64; 2], [f64; 3]); 7] = [

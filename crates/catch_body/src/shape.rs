@@ -49,8 +49,8 @@ impl Capsule {
 
     /// Distance between the surfaces of two capsules, negative where they overlap.
     ///
-    /// Minimizes |p₁ + s·d₁ − p₂ − t·d₂| over the unit square: the minimum for the two lines, s clamped, then the best t,
-    /// clamped, then the best s (Ericson, Real-Time Collision Detection, 5.1.9).
+    /// Minimizes |p₁ + s·d₁ − p₂ − t·d₂| over the unit square: the minimum for the two lines, s clamped, then
+    /// the best t, clamped, then the best s (Ericson, Real-Time Collision Detection, 5.1.9).
     pub fn distance(&self, other: &Self) -> f64 {
         let (d1, d2, r) = (self.to - self.from, other.to - other.from, self.from - other.from);
         let (a, b, e) = (d1.norm_squared(), d1.dot(&d2), d2.norm_squared());
@@ -65,12 +65,13 @@ impl Capsule {
         (r + d1 * s - d2 * t).norm() - self.radius - other.radius
     }
 
-    /// Distance between the surfaces of a capsule and a box in the same frame; where the segment itself enters the box, minus
-    /// the capsule's radius.
+    /// Distance between the surfaces of a capsule and a box in the same frame; where the segment itself
+    /// enters the box, minus the capsule's radius.
     ///
-    /// With p(t) on the segment and h half the box's size, half the squared distance has the derivative
-    /// g(t) = Σ dᵢ·(pᵢ(t) − clamp(pᵢ(t), −hᵢ, hᵢ)), which is piecewise linear and never falls. Its kinks are where the
-    /// segment crosses the planes of the six faces; between the two kinks around the sign change its zero is exact.
+    /// With p(t) on the segment and h half the box's size, half the squared distance has the derivative g(t)
+    /// = Σ dᵢ·(pᵢ(t) − clamp(pᵢ(t), −hᵢ, hᵢ)), which is piecewise linear and never falls. Its kinks are where
+    /// the segment crosses the planes of the six faces; between the two kinks around the sign change its zero
+    /// is exact.
     pub fn distance_to_cuboid(&self, cuboid: &Cuboid) -> f64 {
         let half = cuboid.size / 2.0;
         let (start, d) = (self.from - cuboid.centre, self.to - self.from);
@@ -109,8 +110,9 @@ impl Cuboid {
         (self.centre.coords.abs() + self.size / 2.0).norm()
     }
 
-    /// A lower bound of the distance from another box, `X_AB` being the pose of the other's frame B in this one's A: the widest gap
-    /// along the 15 axes of which one separates any two boxes that do not touch; zero or less exactly where they do.
+    /// A lower bound of the distance from another box, `X_AB` being the pose of the other's frame B in this
+    /// one's A: the widest gap along the 15 axes of which one separates any two boxes that do not touch; zero
+    /// or less exactly where they do.
     ///
     /// (Gottschalk, Lin & Manocha, OBBTree, 1996.)
     pub fn separation(&self, X_AB: &Pose, other: &Self) -> f64 {
@@ -132,8 +134,8 @@ impl Cuboid {
         widest
     }
 
-    /// Where the box reaches lowest along z once it has been moved by `X_AB`, the pose of its frame B in the frame A whose z
-    /// axis counts.
+    /// Where the box reaches lowest along z once it has been moved by `X_AB`, the pose of its frame B in the
+    /// frame A whose z axis counts.
     pub fn lowest_z(&self, X_AB: &Pose) -> f64 {
         // The corner that is lowest along the direction z, seen from B.
         let z_B = X_AB.rotation.inverse() * Vector3::z();

@@ -1,4 +1,5 @@
-//! Values of a file that say where they come from: published ones as plain numbers, assumed ones with their reason.
+//! Values of a file that say where they come from: published ones as plain numbers, assumed ones with their
+//! reason.
 
 use std::{fmt, marker::PhantomData};
 
@@ -107,7 +108,8 @@ impl<'de, T: Numbers<'de>> DeserializeSeed<'de> for Within<T> {
     }
 }
 
-/// All values of a TOML file that are marked as assumed, in the order of their paths; none of a file that is no TOML.
+/// All values of a TOML file that are marked as assumed, in the order of their paths; none of a file that is
+/// no TOML.
 ///
 /// A table is marked by its field `assumed`; its fields `value` and `reason` belong to the mark.
 pub fn assumptions(file: &str, text: &str) -> Vec<Assumption> {

@@ -1,5 +1,5 @@
-//! Reads TOML strictly: numbers are finite, lists have their exact length, tables are tables, and every fault is told with the
-//! path of its field.
+//! Reads TOML strictly: numbers are finite, lists have their exact length, tables are tables, and every fault
+//! is told with the path of its field.
 
 mod node;
 
@@ -23,19 +23,20 @@ impl InputError {
     /// Parses TOML into `T`.
     ///
     /// # Errors
-    /// The line that is no TOML; or each field that is missing, unknown, of another kind or out of its range, the first of them
-    /// with the others.
+    /// The line that is no TOML; or each field that is missing, unknown, of another kind or out of its range,
+    /// the first of them with the others.
     pub fn parse_toml<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, Self> {
         let (parsed, faults) = Self::parse_toml_all(file, text)?;
         Self::first_of(faults.into_iter().map(Err::<(), _>))?;
         Ok(parsed)
     }
 
-    /// Parses TOML into `T` even where numbers are out of their ranges: each of these is a fault, and the least that would be
-    /// right stands in its place.
+    /// Parses TOML into `T` even where numbers are out of their ranges: each of these is a fault, and the
+    /// least that would be right stands in its place.
     ///
     /// # Errors
-    /// As [`parse_toml`](Self::parse_toml), with all faults, if there is one that is no number out of its range.
+    /// As [`parse_toml`](Self::parse_toml), with all faults, if there is one that is no number out of its
+    /// range.
     pub fn parse_toml_all<T: DeserializeOwned>(file: &str, text: &str) -> Result<(T, Vec<Self>), Self> {
         let table = toml::from_str::<toml::Table>(text).map_err(|fault| {
             let line = text[..fault.span().unwrap_or_default().start].matches('\n').count() + 1;
@@ -67,7 +68,8 @@ impl InputError {
         }
     }
 
-    /// Whether settings that were made in code could stand in a file, every number within its range; `name` takes the place of the file.
+    /// Whether settings that were made in code could stand in a file, every number within its range; `name`
+    /// takes the place of the file.
     ///
     /// # Errors
     /// As [`parse_toml`](Self::parse_toml).
@@ -116,8 +118,8 @@ impl Fault {
         self
     }
 
-    /// Turns the path around, leads it to the value that is meant where the reader knew only its table, and says what stands
-    /// there. Returns what could stand there instead.
+    /// Turns the path around, leads it to the value that is meant where the reader knew only its table, and
+    /// says what stands there. Returns what could stand there instead.
     fn complete(&mut self, root: &Value) -> Option<Value> {
         self.path.reverse();
         let mut value = self.path.iter().try_fold(root, step);

@@ -19,7 +19,8 @@ use crate::{
 /// What a file should be.
 const EXPECTED: &str = "a URDF description of a robot";
 
-/// What only draws, simulates or drives the robot, says something twice, or what all readers of URDF pass over.
+/// What only draws, simulates or drives the robot, says something twice, or what all readers of URDF pass
+/// over.
 pub const HARMLESS: Harmless = &[
     (
         "robot",

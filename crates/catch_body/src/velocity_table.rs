@@ -7,20 +7,22 @@ use crate::{InputError, quantity};
 /// The velocity limits of a joint that depend on its position, linear between rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VelocityTable {
-    /// Positions in radians, increasing, with the lowest (negative) and the highest velocity there in rad/s; never empty.
+    /// Positions in radians, increasing, with the lowest (negative) and the highest velocity there in rad/s;
+    /// never empty.
     rows: Vec<[f64; 3]>,
 }
 
 impl VelocityTable {
-    /// A table of `[position, lowest, highest]`; `None` if it has no row, if positions do not increase or if a row does not have a negative
-    /// and a positive velocity.
+    /// A table of `[position, lowest, highest]`; `None` if it has no row, if positions do not increase or if
+    /// a row does not have a negative and a positive velocity.
     pub fn new(rows: Vec<[f64; 3]>) -> Option<Self> {
         let increases = rows.windows(2).all(|pair| pair[0][0] < pair[1][0]);
         let has_both_signs = |row: &[f64; 3]| row.iter().all(|it| it.is_finite()) && row[1] < 0.0 && row[2] > 0.0;
         (!rows.is_empty() && increases && rows.iter().all(has_both_signs)).then_some(Self { rows })
     }
 
-    /// The lowest and the highest velocity at the position `q` in radians; beyond the table those of its ends.
+    /// The lowest and the highest velocity at the position `q` in radians; beyond the table those of its
+    /// ends.
     pub fn at(&self, q: f64) -> [f64; 2] {
         let after = self.rows.partition_point(|row| row[0] <= q).min(self.rows.len() - 1);
         let [[from, low, high], [to, next_low, next_high]] = [self.rows[after.saturating_sub(1)], self.rows[after]];
@@ -35,7 +37,8 @@ impl VelocityTable {
     }
 }
 
-/// Limits of a joint's velocity by its position, linear between these; beyond them those of the first and the last count.
+/// Limits of a joint's velocity by its position, linear between these; beyond them those of the first and the
+/// last count.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct VelocityFields {

@@ -132,7 +132,8 @@ impl Obstacle {
         Self { name, ball: (capsule.centre(), capsule.bounding_radius()), solid: Solid::Capsule(capsule) }
     }
 
-    /// At least this far in metres a ball is from it; less where it is inside of the ball around the obstacle.
+    /// At least this far in metres a ball is from it; less where it is inside of the ball around the
+    /// obstacle.
     pub fn least_distance_to_ball(&self, centre_W: &Point3<f64>, radius: f64) -> f64 {
         (centre_W - self.ball.0).norm() - self.ball.1 - radius
     }
@@ -145,8 +146,8 @@ impl Obstacle {
         }
     }
 
-    /// A lower bound of the distance in metres from a box, given in a frame B whose pose in W is `X_WB`; zero or less exactly where
-    /// they overlap.
+    /// A lower bound of the distance in metres from a box, given in a frame B whose pose in W is `X_WB`; zero
+    /// or less exactly where they overlap.
     pub fn distance_to_cuboid(&self, X_WB: &Pose, cuboid_B: &Cuboid) -> f64 {
         match &self.solid {
             Solid::Box(X_WS, cuboid) => cuboid.separation(&X_WS.inv_mul(X_WB), cuboid_B),
@@ -244,7 +245,8 @@ radius_m = 0.03
                 .fold(f64::INFINITY, f64::min);
             let found = other.distance_to_cuboid(&X_WB, &held);
             prop_assert!(found <= nearest + 1e-9, "{found} is above the sampled {nearest}");
-            // Of bodies side by side the widest gap is at least 1/√3 of the distance; samples are up to 7 cm from the nearest point.
+            // Of bodies side by side the widest gap is at least 1/√3 of the distance; samples are up to 7 cm
+            // from the nearest point.
             prop_assert!(nearest < 0.1 || found > 0.57 * (nearest - 0.1), "{found} is far below the sampled {nearest}");
 
             let capsule = Obstacle::capsule(

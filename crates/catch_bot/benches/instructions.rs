@@ -1,7 +1,8 @@
-//! A budget for speed: the instructions that each stage of a tick takes on given inputs, compared with `instructions.txt`.
+//! A budget for speed: the instructions that each stage of a tick takes on given inputs, compared with
+//! `instructions.txt`.
 //!
-//! `cargo bench -p catch_bot --bench instructions` counts with valgrind and fails if a stage takes over 10 % more than the
-//! baseline; `-- --renew` writes a new baseline. Without valgrind it says so and passes.
+//! `cargo bench -p catch_bot --bench instructions` counts with valgrind and fails if a stage takes over 10 %
+//! more than the baseline; `-- --renew` writes a new baseline. Without valgrind it says so and passes.
 
 #![allow(
     clippy::print_stdout,
@@ -68,7 +69,8 @@ fn counted<T>(work: &mut impl FnMut() -> T) -> T {
 /// Images after which it is known which end of an object is which.
 const SETTLED: usize = 20;
 
-/// A pose of an object from one set of images, with masks or without, a predicted pose given or not, after so many others.
+/// A pose of an object from one set of images, with masks or without, a predicted pose given or not, after so
+/// many others.
 fn perceive(noise: Noise, masks: bool, tracked: bool, before: usize) {
     let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
     let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });

@@ -19,7 +19,8 @@ use inputs::arm::{at_rest, planner};
 use nalgebra::Vector3;
 use synthetic::Shape;
 
-/// The paper's near throw from the waiting pose: time, grasp and redundancy are sought, then the flight changes by 5 mm.
+/// The paper's near throw from the waiting pose: time, grasp and redundancy are sought, then the flight
+/// changes by 5 mm.
 fn everything(criterion: &mut Criterion) {
     let search = CatchSearch::new(planner(|_| {}), None);
     let start = at_rest(search.motion(), &inputs::READY, 0.07);

@@ -1,4 +1,5 @@
-//! A brain that lives for many throws, of several known objects: it waits, catches, holds, puts down, returns and waits again.
+//! A brain that lives for many throws, of several known objects: it waits, catches, holds, puts down, returns
+//! and waits again.
 
 mod config;
 mod explained;
@@ -36,7 +37,8 @@ const SQUEEZE_S: f64 = 0.3;
 const RELEASE_S: f64 = 0.5;
 /// Fingers that have closed to less than this fraction of the object's width hold nothing.
 const MIN_HELD_FRACTION: f64 = 0.5;
-/// How often the motions of one phase are sent at most: one that is rejected again and again never will be accepted.
+/// How often the motions of one phase are sent at most: one that is rejected again and again never will be
+/// accepted.
 const MAX_SENT: usize = 20;
 /// How long a motion may be overdue before it is sent anew, in seconds.
 const MAX_OVERDUE_S: f64 = 0.05;
@@ -56,7 +58,8 @@ pub enum Phase {
     Placing,
     /// The hand is empty, and on its way to the ready pose.
     Returning,
-    /// No motion leads back that keeps all limits and is accepted. The arm stands still until somebody resets the brain.
+    /// No motion leads back that keeps all limits and is accepted. The arm stands still until somebody resets
+    /// the brain.
     Stranded,
 }
 
@@ -101,8 +104,8 @@ pub struct CatchingCycle<E, P, C> {
 }
 
 impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, C> {
-    /// For objects that are known by their brains, which must be of the same arm, gripper and cameras. What was caught is put down at
-    /// the joint positions `place_q`, in radians.
+    /// For objects that are known by their brains, which must be of the same arm, gripper and cameras. What
+    /// was caught is put down at the joint positions `place_q`, in radians.
     ///
     /// # Errors
     /// A setting that is out of its range.
@@ -152,7 +155,8 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         (self.phase, self.since_s, self.motion, self.sent, self.has_released) = (phase, now_s, None, 0, false);
     }
 
-    /// Looks for what flies, with the eyes of all known objects; as long as the last one lies still its own will do.
+    /// Looks for what flies, with the eyes of all known objects; as long as the last one lies still its own
+    /// will do.
     fn wait(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
         let last = self.active;
         let mut newest = vec![None; self.candidates.len()];
@@ -291,8 +295,8 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     }
 }
 
-/// Whether the fingers stand where the object of the plan keeps them apart. A gripper's own word does not do: one that squeezes
-/// a soft object further says that it has lost it.
+/// Whether the fingers stand where the object of the plan keeps them apart. A gripper's own word does not do:
+/// one that squeezes a soft object further says that it has lost it.
 fn is_held(gripper: &GripperState, plan: &CatchPlan) -> bool {
     gripper.grasp == GraspState::Holding || gripper.width_m > MIN_HELD_FRACTION * plan.grasp.object_width_m
 }
@@ -312,7 +316,8 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
     fn look(&mut self, observation: &Observation) -> Option<ObjectPose> {
         self.bot.controller.acknowledge(observation, self.bot.flight.as_ref());
         let pose = self.bot.perceive(observation)?;
-        // Images of cameras that run freely come in any order, and so close to each other that they tell no speed.
+        // Images of cameras that run freely come in any order, and so close to each other that they tell no
+        // speed.
         if self.seen.is_some_and(|(before_s, _)| pose.capture_s < before_s + LEAST_SPAN_S) {
             return Some(pose);
         }

@@ -1,15 +1,17 @@
 //! The brain: catches thrown objects with a robot arm from depth images alone.
 //!
-//! The folders bear the headings of the paper (Cieślar, Zeng, Tedrake: CatchingBot, section III): [`perception`] finds the
-//! object's pose in each set of images (III-B), [`trajectory_prediction`] its flight (III-B), [`grasp_selection`] where to hold
-//! it (III-C), [`trajectory_optimization`] how to get there (III-D), and [`control`] turns that into commands.
+//! The folders bear the headings of the paper (Cieślar, Zeng, Tedrake: CatchingBot, section III):
+//! [`perception`] finds the object's pose in each set of images (III-B), [`trajectory_prediction`] its flight
+//! (III-B), [`grasp_selection`] where to hold it (III-C), [`trajectory_optimization`] how to get there
+//! (III-D), and [`control`] turns that into commands.
 //!
-//! Three stages can be exchanged: [`PoseEstimator`], [`FlightPredictor`] and [`CatchPlanner`]. Each owns its settings and
-//! buffers, its inputs are values. What lasts from tick to tick is in the tracker, the last flight and the controller of
-//! [`CatchingBot`], whose [`tick`](CatchingBot::tick) reads like the paper's figure 2.
+//! Three stages can be exchanged: [`PoseEstimator`], [`FlightPredictor`] and [`CatchPlanner`]. Each owns its
+//! settings and buffers, its inputs are values. What lasts from tick to tick is in the tracker, the last
+//! flight and the controller of [`CatchingBot`], whose [`tick`](CatchingBot::tick) reads like the paper's
+//! figure 2.
 //!
-//! Begin with [`CatchingBot`] (the brain of one object), [`Config`] (its settings) and [`cycle::CatchingCycle`] (a life of many throws of
-//! several objects):
+//! Begin with [`CatchingBot`] (the brain of one object), [`Config`] (its settings) and
+//! [`cycle::CatchingCycle`] (a life of many throws of several objects):
 //!
 //! ```
 //! use catch_body::InputError;
@@ -30,8 +32,8 @@
 //! }
 //! ```
 //!
-//! The brain does no I/O, reads no clock and draws no random numbers but from its own seed: the same observations give the
-//! same commands, bit for bit.
+//! The brain does no I/O, reads no clock and draws no random numbers but from its own seed: the same
+//! observations give the same commands, bit for bit.
 
 pub mod control;
 pub mod cycle;
@@ -101,9 +103,9 @@ pub struct CatchingBot<E = SdfEstimator, P = InformationFit, C = TimeGridSearch>
 }
 
 impl CatchingBot {
-    /// A brain for an arm with a gripper, cameras at known places, and an object known from a scan and some figures
-    /// ([`Config::given`]). Arms that are served by a [`ReachMap`] get one, which takes some seconds; who has stored it
-    /// [prepares](Self::prepared) the brain with it.
+    /// A brain for an arm with a gripper, cameras at known places, and an object known from a scan and some
+    /// figures ([`Config::given`]). Arms that are served by a [`ReachMap`] get one, which takes some seconds;
+    /// who has stored it [prepares](Self::prepared) the brain with it.
     ///
     /// # Errors
     /// A setting that is out of its range.
@@ -121,7 +123,8 @@ impl CatchingBot {
         Ok(Self::prepared(Arc::new(known), seed))
     }
 
-    /// A brain that shares what was worked out beforehand; it draws at random from `seed` instead of [`Config::seed`].
+    /// A brain that shares what was worked out beforehand; it draws at random from `seed` instead of
+    /// [`Config::seed`].
     pub fn prepared(known: Arc<Preparation>, seed: u64) -> Self {
         let stages = (known.pose_estimator(), known.flight_predictor(seed), known.catch_planner());
         Self::with_stages(known, stages.0, stages.1, stages.2)
@@ -191,7 +194,8 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
         command
     }
 
-    /// The throw is over, the next one begins; what is known of the cameras stays, also by how far they were off in it.
+    /// The throw is over, the next one begins; what is known of the cameras stays, also by how far they were
+    /// off in it.
     fn end_throw(&mut self, offsets: &[CameraOffset]) {
         self.tracker.end_throw(offsets, &self.known);
         self.forget_flight();

@@ -45,9 +45,9 @@ impl Config {
         InputError::check_settings("settings of the brain", &Self { seed: 0, ..self.clone() })
     }
 
-    /// These settings with what is known beforehand wherever they say nothing themselves: of the object, how much the air brakes it, how it
-    /// bounces, what it weighs and where its centre of mass may be; of the cameras, what their data sheets say. Where these differ, the
-    /// worst counts.
+    /// These settings with what is known beforehand wherever they say nothing themselves: of the object, how
+    /// much the air brakes it, how it bounces, what it weighs and where its centre of mass may be; of the
+    /// cameras, what their data sheets say. Where these differ, the worst counts.
     #[must_use]
     pub fn given(mut self, object: &ObjectFigures, cameras: &[CameraModel]) -> Self {
         let prediction = &mut self.trajectory_prediction;
@@ -71,17 +71,17 @@ impl Config {
             perception.depth_dropout.get_or_insert(sheets().any(|(it, _)| it.dropout));
             perception.depth_edge_px.get_or_insert(sheets().map(|(it, _)| it.edge_px).max().unwrap_or_default());
         }
-        // Cameras that are aligned on the arm may still be rotated about their lines of sight: at the distance d from the arm such a roll σ
-        // moves an object by up to d·σ, along one of the two axes that an image tells of; n cameras that look from all around average it
-        // to d·σ/√(2n) along each.
+        // Cameras that are aligned on the arm may still be rotated about their lines of sight: at the
+        // distance d from the arm such a roll σ moves an object by up to d·σ, along one of the two axes that
+        // an image tells of; n cameras that look from all around average it to d·σ/√(2n) along each.
         let rolled = perception.camera_sd_rad / (2.0 * cameras.len().max(1) as f64).sqrt();
         prediction.correlated_sd_per_m.get_or_insert(rolled);
         self
     }
 }
 
-/// What is worked out before anything flies, once for any number of throws: the object's model from its scan, its grasp
-/// candidates, the planner for the arm, and what the cameras see of the arm while it waits.
+/// What is worked out before anything flies, once for any number of throws: the object's model from its scan,
+/// its grasp candidates, the planner for the arm, and what the cameras see of the arm while it waits.
 #[derive(Debug)]
 pub struct Preparation {
     config: Config,
@@ -98,8 +98,9 @@ pub struct Preparation {
 impl Preparation {
     /// For an arm with a gripper, cameras at known places, and an object known from a scan.
     ///
-    /// The arm is expected to wait at [`Robot::ready_q`] with its gripper open; if it waits elsewhere, the first images take longer.
-    /// `reach_map` is that of this arm and pose, if it is [served](ReachMap::serves) by one.
+    /// The arm is expected to wait at [`Robot::ready_q`] with its gripper open; if it waits elsewhere, the
+    /// first images take longer. `reach_map` is that of this arm and pose, if it is
+    /// [served](ReachMap::serves) by one.
     ///
     /// # Errors
     /// A setting that is out of its range.
@@ -160,8 +161,8 @@ impl Preparation {
         SdfEstimator::new(self.config.perception.clone(), self.reference.clone(), self.workspace.clone())
     }
 
-    /// Our flight predictor, which draws at random from `seed`. A single image may not tell the ends of a round object apart; all images
-    /// together do, in the pose estimator.
+    /// Our flight predictor, which draws at random from `seed`. A single image may not tell the ends of a
+    /// round object apart; all images together do, in the pose estimator.
     pub fn flight_predictor(&self, seed: u64) -> InformationFit {
         let symmetry = self.reference.symmetry.with_ends_alike();
         InformationFit::new(self.config.trajectory_prediction.clone(), symmetry, seed)

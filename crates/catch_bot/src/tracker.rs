@@ -1,4 +1,5 @@
-//! The tracker: what was sensed lately, the cameras as far as they are aligned, and the object's poses so far.
+//! The tracker: what was sensed lately, the cameras as far as they are aligned, and the object's poses so
+//! far.
 
 use std::{borrow::Cow, collections::VecDeque};
 
@@ -45,7 +46,8 @@ pub(crate) struct Tracker {
     imaged_s: [Option<f64>; 2],
     /// Oldest first.
     poses: Vec<ObjectPose>,
-    /// Whether single images are registered by themselves, too: work for lives of many throws, which tell of displaced cameras.
+    /// Whether single images are registered by themselves, too: work for lives of many throws, which tell of
+    /// displaced cameras.
     pub compares_cameras: bool,
     /// How often a single image was registered by itself.
     compared: usize,
@@ -172,8 +174,9 @@ impl Tracker {
         newest
     }
 
-    /// The part of each camera's next images that may show the object, once it is tracked in images without masks (sensors that
-    /// tell objects apart read out the right pixels by themselves). Full images if it has been lost.
+    /// The part of each camera's next images that may show the object, once it is tracked in images without
+    /// masks (sensors that tell objects apart read out the right pixels by themselves). Full images if it has
+    /// been lost.
     pub fn windows(
         &self,
         observation: &Observation,
@@ -194,8 +197,8 @@ impl Tracker {
         Some(self.alignment.cameras().iter().zip(self.health.left_out()).map(window).collect())
     }
 
-    /// Where the object should be: on the last flight, or, before there is one, where it was seen last. The latter keeps an
-    /// object that looks the same from two sides from turning over between the first images.
+    /// Where the object should be: on the last flight, or, before there is one, where it was seen last. The
+    /// latter keeps an object that looks the same from two sides from turning over between the first images.
     fn expected_pose(&self, flight: Option<&FlightTrajectory>, time_s: f64) -> Option<Pose> {
         flight.map(|flight| flight.pose_at(time_s)).or_else(|| self.poses.last().map(|pose| pose.X_WO))
     }
@@ -234,8 +237,8 @@ fn remember(poses: &mut Vec<ObjectPose>, pose: ObjectPose) {
     poses.insert(at, pose);
 }
 
-/// How many of these images, oldest first, are registered together: those of one capture time, or all within some milliseconds where it is
-/// known how the object moves.
+/// How many of these images, oldest first, are registered together: those of one capture time, or all within
+/// some milliseconds where it is known how the object moves.
 fn together(frames: &[DepthFrame], moves_as_known: bool) -> usize {
     let span_s = if moves_as_known { TOGETHER_S } else { 0.0 };
     frames.iter().take_while(|it| it.capture_s - frames[0].capture_s <= span_s).count().max(1)

@@ -20,8 +20,8 @@ pub struct ArmSample {
     pub width_m: f64,
 }
 
-/// The arm at `time_s`, between samples in the order of their times: cubic Hermite interpolation, and at constant velocity beyond
-/// the first and the last. `None` without samples.
+/// The arm at `time_s`, between samples in the order of their times: cubic Hermite interpolation, and at
+/// constant velocity beyond the first and the last. `None` without samples.
 pub fn arm_at(samples: &[ArmSample], time_s: f64) -> Option<ArmSample> {
     let after = samples.partition_point(|it| it.time_s <= time_s);
     let Some((from, to)) = after.checked_sub(1).and_then(|before| Some((samples.get(before)?, samples.get(after)?)))
@@ -40,8 +40,8 @@ pub fn arm_at(samples: &[ArmSample], time_s: f64) -> Option<ArmSample> {
     Some(ArmSample { time_s, q, dq, width_m: from.width_m + (to.width_m - from.width_m) * u })
 }
 
-/// The arm around `time_s`, at which it rests: the mean of the samples within a tenth of a second, which the encoders' noise leaves less
-/// uncertain than one of them.
+/// The arm around `time_s`, at which it rests: the mean of the samples within a tenth of a second, which the
+/// encoders' noise leaves less uncertain than one of them.
 pub fn arm_at_rest(samples: &[ArmSample], time_s: f64) -> Option<ArmSample> {
     let at = arm_at(samples, time_s)?;
     let from = samples.partition_point(|it| it.time_s < time_s - AROUND_S);

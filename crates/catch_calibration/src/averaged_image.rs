@@ -91,8 +91,9 @@ impl AveragedImage {
         at(samples, self.capture_s + time_offset_s)
     }
 
-    /// The fraction of the images in which a pixel shows something else than what stands still behind the arm, whose surface is predicted
-    /// at an inverse depth there or nearby: the base stands still, too, and so do the pixels by which it seems larger.
+    /// The fraction of the images in which a pixel shows something else than what stands still behind the
+    /// arm, whose surface is predicted at an inverse depth there or nearby: the base stands still, too, and
+    /// so do the pixels by which it seems larger.
     pub fn shown_fraction(&self, pixel: usize, still: &StillImage, predicted_m: f64) -> f64 {
         let is_arm = still.shows(pixel, predicted_m as f32);
         let is_behind = !is_arm && still.shows(pixel, self.inverse_m[pixel]);

@@ -1,4 +1,5 @@
-//! Coarse alignment: points of the images to the nearest surface of the arm, with gates that close, from several starts.
+//! Coarse alignment: points of the images to the nearest surface of the arm, with gates that close, from
+//! several starts.
 
 use catch_body::{
     Gripper, Pose, Robot,
@@ -27,7 +28,8 @@ pub struct PosedPoints {
 }
 
 impl PosedPoints {
-    /// Points of an image that do not stand still, while the links are at `X_WL` and the gripper is `width_m` wide.
+    /// Points of an image that do not stand still, while the links are at `X_WL` and the gripper is `width_m`
+    /// wide.
     pub fn new(
         (robot, gripper): (&Robot, &Gripper),
         (X_WL, width_m): (&LinkPoses, f64),

@@ -1,11 +1,12 @@
 //! Covariance of what is estimated, from how much it depends on single images.
 //!
-//! Residuals of one image have in common what the weights do not know of: silhouettes that are modelled badly, the encoders' error of
-//! the moment. Images have little in common. Without image i the estimate would be δᵢ = (H − Hᵢ)⁻¹·gᵢ away, with the information H of all
-//! images and the priors, the image's information Hᵢ, and its pull gᵢ at the optimum; Σ δᵢ·δᵢᵀ is the jackknife's covariance. A few
-//! dozen images do not tell it along every direction. So they tell one number for each camera: how many times larger it is than
-//! that of independent residuals, C = H⁻¹·(Σ Hᵢ)·H⁻¹, in the mean over the six directions of the pose, one at least. What the priors leave
-//! uncertain, H⁻¹ − C, stays as it is.
+//! Residuals of one image have in common what the weights do not know of: silhouettes that are modelled
+//! badly, the encoders' error of the moment. Images have little in common. Without image i the estimate would
+//! be δᵢ = (H − Hᵢ)⁻¹·gᵢ away, with the information H of all images and the priors, the image's information
+//! Hᵢ, and its pull gᵢ at the optimum; Σ δᵢ·δᵢᵀ is the jackknife's covariance. A few dozen images do not tell
+//! it along every direction. So they tell one number for each camera: how many times larger it is than that
+//! of independent residuals, C = H⁻¹·(Σ Hᵢ)·H⁻¹, in the mean over the six directions of the pose, one at
+//! least. What the priors leave uncertain, H⁻¹ − C, stays as it is.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,8 +18,8 @@ pub struct ImageInformation {
     pub pull: DVector<f64>,
 }
 
-/// Covariance of the parameters of all cameras, given the information of all images and the priors, and its inverse. `change` leads from where
-/// the images were linearized to the optimum.
+/// Covariance of the parameters of all cameras, given the information of all images and the priors, and its
+/// inverse. `change` leads from where the images were linearized to the optimum.
 pub fn of_cameras(
     information: &DMatrix<f64>,
     inverse: &DMatrix<f64>,
@@ -56,8 +57,8 @@ mod tests {
 
     use super::*;
 
-    /// Images whose pulls are drawn with `factor` times the deviation that their information says, in the whole covariance over that of
-    /// independent residuals.
+    /// Images whose pulls are drawn with `factor` times the deviation that their information says, in the
+    /// whole covariance over that of independent residuals.
     fn ratio(factor: f64, prior: f64) -> f64 {
         const IMAGES: usize = 300;
         let mut random = Pcg64::seed_from_u64(1);
@@ -83,7 +84,8 @@ mod tests {
         assert!((ratio(3.0, 1e-6) / 9.0 - 1.0).abs() < 0.1, "{}", ratio(3.0, 1e-6));
     }
 
-    /// A prior that tells as much as all images keeps its part of the covariance, a half; the other half becomes nine times as large.
+    /// A prior that tells as much as all images keeps its part of the covariance, a half; the other half
+    /// becomes nine times as large.
     #[test]
     fn what_priors_leave_uncertain_stays() {
         let found = ratio(3.0, 6000.0);

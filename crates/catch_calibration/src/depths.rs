@@ -1,8 +1,9 @@
 //! Inverse depths of the arm's surface, compared along the ray of each pixel.
 //!
-//! A surface that moves by u meets the ray of direction d = (x, y, 1) at another depth: δz = n·u/(n·d), with its normal n at the point
-//! z·d; so δ(1/z) = −n·u/(z²·n·d). Pixels are chosen by the prediction and never by what they show: those that face the camera and are
-//! not beside a depth edge, where cameras show what is not there.
+//! A surface that moves by u meets the ray of direction d = (x, y, 1) at another depth: δz = n·u/(n·d), with
+//! its normal n at the point z·d; so δ(1/z) = −n·u/(z²·n·d). Pixels are chosen by the prediction and never by
+//! what they show: those that face the camera and are not beside a depth edge, where cameras show what is not
+//! there.
 
 use catch_body::ray_cast::SurfacePart;
 

@@ -16,7 +16,8 @@ use super::{
 const LEAST_IMAGES: usize = 3;
 /// A last step above this, in metres or radians, is no end.
 const LARGE_STEP: f64 = 3e-4;
-/// Residuals of depths over the data sheet's standard deviation beyond which the model is not what the images show.
+/// Residuals of depths over the data sheet's standard deviation beyond which the model is not what the images
+/// show.
 const MOST_DEPTH_SD: f64 = 2.0;
 /// The same of the number of pixels on a line across a silhouette.
 const MOST_SHOWN_SD_PX: f64 = 3.0;
@@ -28,7 +29,8 @@ const MOST_LINK_SD: f64 = 5.0;
 const MOST_SD_M: f64 = 0.02;
 const MOST_SD_RAD: f64 = 0.02;
 
-/// Where the cameras stand, which are believed to be near `guesses`, from what they saw of the arm in a session.
+/// Where the cameras stand, which are believed to be near `guesses`, from what they saw of the arm in a
+/// session.
 pub fn calibrate(
     config: &Config,
     robot: &Robot,

@@ -18,7 +18,8 @@ use super::{
     silhouettes,
 };
 
-/// Residuals beyond so many standard deviations count less and less (Huber), and beyond so many more not at all.
+/// Residuals beyond so many standard deviations count less and less (Huber), and beyond so many more not at
+/// all.
 const HUBER_SD: f64 = 2.5;
 const OUTLIER_SD: f64 = 6.0;
 /// Standard deviation of the number of pixels on a line of which nothing is known yet.

@@ -1,13 +1,15 @@
 //! Refinement of a calibration by thrown objects: several cameras see one free flight, whose law is known.
 //!
-//! Cameras that were calibrated on one arm have its errors in common. Flights tell how the cameras stand to each other, the time between their
-//! clocks, and where the vertical is; they tell nothing of a displacement or a rotation about the vertical that all cameras have in
-//! common. The prior is therefore the joint covariance of all cameras. The world, which is the arm's, may be tilted against gravity.
+//! Cameras that were calibrated on one arm have its errors in common. Flights tell how the cameras stand to
+//! each other, the time between their clocks, and where the vertical is; they tell nothing of a displacement
+//! or a rotation about the vertical that all cameras have in common. The prior is therefore the joint
+//! covariance of all cameras. The world, which is the arm's, may be tilted against gravity.
 //!
-//! Minimized are the sightings' residuals over their standard deviations and the priors, robustly: an object at p(t) under gravity and
-//! quadratic drag is seen at (1 + s)·X_CW·p(t + o) + b by a camera with the depth scale s and the time offset o. The registration of single
-//! images is off by b: by an offset in all flights of a camera, and by another one in each flight, which add up. Every flight's own
-//! parameters are eliminated.
+//! Minimized are the sightings' residuals over their standard deviations and the priors, robustly: an object
+//! at p(t) under gravity and quadratic drag is seen at (1 + s)·X_CW·p(t + o) + b by a camera with the depth
+//! scale s and the time offset o. The registration of single images is off by b: by an offset in all flights
+//! of a camera, and by another one in each flight, which add up. Every flight's own parameters are
+//! eliminated.
 
 mod equations;
 mod motion;
@@ -21,14 +23,16 @@ use equations::{CameraState, FlightEquations, FlightState, OF_CAMERA, OF_FLIGHT,
 
 /// Steps, at most.
 const STEPS: usize = 40;
-/// A step is the last one if it is shorter than this, in standard deviations; after so many steps this will do.
+/// A step is the last one if it is shorter than this, in standard deviations; after so many steps this will
+/// do.
 const SMALL_SD: f64 = 1e-3;
 const NOT_LARGE_SD: f64 = 0.1;
 /// Median of the squared length of three normal residuals.
 const MEDIAN_OF_SQUARES: f64 = 2.366;
 /// Flights that tell how much they vary beyond what their sightings say.
 const LEAST_FLIGHTS: usize = 5;
-/// Flights that move the cameras by more than this, root mean square in standard deviations of the calibration, contradict it.
+/// Flights that move the cameras by more than this, root mean square in standard deviations of the
+/// calibration, contradict it.
 const MOST_CHANGE_SD: f64 = 2.0;
 
 /// Where one image shows the object.
@@ -54,12 +58,13 @@ pub struct Flight {
 /// Settings of the refinement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightSettings {
-    /// Standard deviation of the tilt of W against gravity about x and about y, in radians: 0.05°, what a good level tells of the base.
+    /// Standard deviation of the tilt of W against gravity about x and about y, in radians: 0.05°, what a
+    /// good level tells of the base.
     pub tilt_sd_rad: f64,
     /// Standard deviation of the drag constant k in a = −k·|v|·v of each flight, in 1/m, about zero.
     pub drag_sd_per_m: f64,
-    /// Standard deviations of what the registration of a camera's images is off by in all flights, in metres: across the line of sight, and
-    /// along it.
+    /// Standard deviations of what the registration of a camera's images is off by in all flights, in metres:
+    /// across the line of sight, and along it.
     pub offset_sd_m: [f64; 2],
     /// The same of what it is off by beside that in each flight.
     pub flight_offset_sd_m: [f64; 2],
@@ -105,7 +110,8 @@ pub struct Refinement {
     pub sightings: usize,
     /// Fraction of these that did not count, being outliers.
     pub outlier_fraction: f64,
-    /// How much larger the variance of the sightings is than they say, one at least; the claimed covariance contains it.
+    /// How much larger the variance of the sightings is than they say, one at least; the claimed covariance
+    /// contains it.
     pub variance_factor: f64,
     /// Rotation about x and y of W that leads from its z to the vertical, in radians.
     pub tilt_rad: [f64; 2],
@@ -233,7 +239,8 @@ impl Problem {
         DVector::from_vec(all)
     }
 
-    /// Root mean square of how far the cameras moved, over what the calibration claims, offsets and tilt being as they are.
+    /// Root mean square of how far the cameras moved, over what the calibration claims, offsets and tilt
+    /// being as they are.
     fn change_sd(&self) -> f64 {
         let deviation = self.deviation();
         let is_camera = |i: usize| i < OF_CAMERA * self.cameras.len() && i % OF_CAMERA < CAMERA_PARAMETERS;
@@ -329,8 +336,9 @@ impl Problem {
     }
 }
 
-/// How much more the flights vary than their sightings say: the jackknife's covariance over that of independent residuals, both over the
-/// information of all (`covariance.rs`). One, where there are few flights.
+/// How much more the flights vary than their sightings say: the jackknife's covariance over that of
+/// independent residuals, both over the information of all (`covariance.rs`). One, where there are few
+/// flights.
 fn variation(information: &DMatrix<f64>, equations: &[FlightEquations]) -> Option<f64> {
     if equations.len() < LEAST_FLIGHTS {
         return Some(1.0);

@@ -1,15 +1,16 @@
 //! Extrinsic calibration: where the cameras stand, from what they see of the arm.
 //!
-//! The arm is the target. It stands still in poses that are chosen for information ([`pose_choice`]) and moves between them
-//! ([`CalibrationRun`]). Each image is compared with a rendering of the arm's known surface: inverse depths along the rays of pixels,
-//! and the number of pixels shown across each silhouette. All cameras are estimated together with what they have in common: joint zeros,
-//! sizes of the links and the mount of the gripper, as far as these are uncertain. Coarse alignment with several starts comes first
+//! The arm is the target. It stands still in poses that are chosen for information ([`pose_choice`]) and
+//! moves between them ([`CalibrationRun`]). Each image is compared with a rendering of the arm's known
+//! surface: inverse depths along the rays of pixels, and the number of pixels shown across each silhouette.
+//! All cameras are estimated together with what they have in common: joint zeros, sizes of the links and the
+//! mount of the gripper, as far as these are uncertain. Coarse alignment with several starts comes first
 //! ([`calibrate`]).
 //!
 //! Inputs are values; nothing here knows where the cameras truly are.
 //!
-//! Begin with [`choose_poses`](pose_choice::choose_poses), [`CalibrationRun`] (it moves the arm of any cell through the poses and collects what
-//! the cameras see) and [`calibrate`]:
+//! Begin with [`choose_poses`](pose_choice::choose_poses), [`CalibrationRun`] (it moves the arm of any cell
+//! through the poses and collects what the cameras see) and [`calibrate`]:
 //!
 //! ```
 //! use catch_bot::trajectory_optimization::MotionPlanner;
@@ -34,8 +35,8 @@
 //! }
 //! ```
 //!
-//! Flights of a known object refine it: [`FlightRun`] collects where single images of one throw show the object, and
-//! [`flights::refine`] takes what it saw of several throws:
+//! Flights of a known object refine it: [`FlightRun`] collects where single images of one throw show the
+//! object, and [`flights::refine`] takes what it saw of several throws:
 //!
 //! ```
 //! use std::sync::Arc;
@@ -118,10 +119,11 @@ pub struct Config {
     pub scale_sd: f64,
     /// Standard deviation of the time between the clocks of a camera and the arm, in seconds.
     pub time_offset_sd_s: f64,
-    /// Standard deviation of each joint's zero, in radians; zero is exact. The images tell it, if it is not set.
+    /// Standard deviation of each joint's zero, in radians; zero is exact. The images tell it, if it is not
+    /// set.
     pub joint_zero_sd_rad: Option<f64>,
-    /// Standard deviation of how far the surface of each link is from its model, in metres; zero is exact. The images tell it, if it is
-    /// not set.
+    /// Standard deviation of how far the surface of each link is from its model, in metres; zero is exact.
+    /// The images tell it, if it is not set.
     pub link_sd_m: Option<f64>,
     /// Standard deviations of the gripper's mount, in metres and radians about each axis.
     pub mount_sd_m: f64,
@@ -203,7 +205,8 @@ pub struct CameraCalibration {
     pub status: CalibrationStatus,
     /// Pose of the camera in the world.
     pub X_WC: Pose,
-    /// Covariance of X_WC·exp(ω, v): rotation about the axes of C in radians, then translation along them in metres.
+    /// Covariance of X_WC·exp(ω, v): rotation about the axes of C in radians, then translation along them in
+    /// metres.
     pub covariance: Matrix6<f64>,
     /// Measured depths are true ones times 1 + this.
     pub depth_scale: f64,
@@ -244,8 +247,9 @@ pub const CAMERA_PARAMETERS: usize = 8;
 pub struct Calibration {
     /// Camera by camera.
     pub cameras: Vec<CameraCalibration>,
-    /// Covariance of all cameras, [`CAMERA_PARAMETERS`] rows of each: those of [`CameraCalibration::covariance`], depth scale, and time offset in
-    /// seconds. Cameras that were calibrated on one arm have its errors in common.
+    /// Covariance of all cameras, [`CAMERA_PARAMETERS`] rows of each: those of
+    /// [`CameraCalibration::covariance`], depth scale, and time offset in seconds. Cameras that were
+    /// calibrated on one arm have its errors in common.
     pub covariance: DMatrix<f64>,
     /// What the joints' positions are off by, in radians, as far as they are uncertain.
     pub joint_zero_rad: Vec<f64>,

@@ -1,5 +1,5 @@
-//! What is compared: a number that an image shows with what a rendering of the arm predicts, and how the latter changes where the
-//! surface moves.
+//! What is compared: a number that an image shows with what a rendering of the arm predicts, and how the
+//! latter changes where the surface moves.
 
 use catch_body::ray_cast::SurfacePart;
 use nalgebra::Vector3;

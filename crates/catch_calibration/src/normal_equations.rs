@@ -1,4 +1,5 @@
-//! Normal equations of all cameras and what they have in common; what the pixels of an image have in common is eliminated.
+//! Normal equations of all cameras and what they have in common; what the pixels of an image have in common
+//! is eliminated.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -37,7 +38,8 @@ impl ImageEquations {
         (self.pull[last] - coupled) / self.information[self.size * self.size - 1]
     }
 
-    /// Adds what is known of all but the last parameter to larger equations, at the places that `place` tells.
+    /// Adds what is known of all but the last parameter to larger equations, at the places that `place`
+    /// tells.
     pub fn eliminate_into(
         &self,
         information: &mut DMatrix<f64>,

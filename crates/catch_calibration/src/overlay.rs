@@ -16,7 +16,8 @@ pub struct Overlay {
     pub predicted: Vec<bool>,
 }
 
-/// The first images of camera number `index` in which the arm stands still, `most` of them, for a camera that stands as `camera`.
+/// The first images of camera number `index` in which the arm stands still, `most` of them, for a camera that
+/// stands as `camera`.
 pub fn overlays(
     robot: &Robot,
     gripper: &Gripper,

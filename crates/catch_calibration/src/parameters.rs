@@ -1,7 +1,8 @@
 //! What is estimated, and how measurements depend on it.
 //!
-//! Parameters other than the cameras' poses count in their standard deviations, so that each has the prior N(0, 1), and one that is
-//! exact has a column of zeros. Where nobody says how far joint zeros and links' surfaces are off, the images tell ([`Shared::tell`]).
+//! Parameters other than the cameras' poses count in their standard deviations, so that each has the prior
+//! N(0, 1), and one that is exact has a column of zeros. Where nobody says how far joint zeros and links'
+//! surfaces are off, the images tell ([`Shared::tell`]).
 
 use catch_body::{
     Gripper, JointVector, MAX_JOINTS, Pose, Robot,
@@ -16,14 +17,15 @@ use super::{
     measurement::{Measurement, Quantity},
 };
 
-/// Parameters of each camera: rotation and translation, scale, time offset, growth at edges, its rise with the slope, loss, loss of growth.
+/// Parameters of each camera: rotation and translation, scale, time offset, growth at edges, its rise with
+/// the slope, loss, loss of growth.
 pub const OF_CAMERA: usize = 12;
 /// The first of them that is no part of the pose.
 pub const FIRST_NUISANCE: usize = 6;
 /// Which of them is the time offset.
 pub const TIME_OFFSET: usize = 7;
-/// Standard deviations of growth, its rise with the slope, loss over the predicted one, and growth that is lost with the last pixel, in
-/// pixels.
+/// Standard deviations of growth, its rise with the slope, loss over the predicted one, and growth that is
+/// lost with the last pixel, in pixels.
 const GROWTH_SD: [f64; 4] = [3.0, 3.0, 1.0, 1.0];
 
 /// First standard deviation of joint zeros, in radians, where the images tell it.
@@ -51,13 +53,15 @@ impl CameraState {
         self.nuisance[1] * config.time_offset_sd_s
     }
 
-    /// What is predicted of a measurement beyond its rendering, but for what an image's pixels have in common.
+    /// What is predicted of a measurement beyond its rendering, but for what an image's pixels have in
+    /// common.
     pub fn correction(&self, it: &Measurement, config: &Config) -> f64 {
         nuisance_columns(it, config).iter().zip(&self.nuisance).map(|(column, value)| column * value).sum()
     }
 }
 
-/// What all cameras have in common: joint zeros, links' surfaces, mount of the gripper (rotation and translation in G).
+/// What all cameras have in common: joint zeros, links' surfaces, mount of the gripper (rotation and
+/// translation in G).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shared {
     /// In standard deviations.
@@ -114,8 +118,9 @@ impl Shared {
         self.kinds[at].0.told().map_or(1.0, |group| self.told[group].sd.powi(-2))
     }
 
-    /// Standard deviations that the images tell become what makes the images most likely, given the values and their variances with the
-    /// present ones (MacKay, Bayesian interpolation, 1992): τ² = Σ m²/γ, where γ of the parameters are determined by the images.
+    /// Standard deviations that the images tell become what makes the images most likely, given the values
+    /// and their variances with the present ones (MacKay, Bayesian interpolation, 1992): τ² = Σ m²/γ, where γ
+    /// of the parameters are determined by the images.
     pub fn tell(&mut self, variance: impl Fn(usize) -> f64) {
         let (mut determined, mut squares) = ([0.0; 2], [0.0; 2]);
         for (at, (kind, _)) in self.kinds.iter().enumerate() {
@@ -174,8 +179,8 @@ impl<'a> PosedArm<'a> {
         Self { robot, X_WL, dq: sample.dq, width_m: sample.width_m, X_WG }
     }
 
-    /// The derivatives of a measurement by the parameters: those of its camera, those in common, and at last what its image's pixels
-    /// have in common, whose standard deviation is `offset_sd`.
+    /// The derivatives of a measurement by the parameters: those of its camera, those in common, and at last
+    /// what its image's pixels have in common, whose standard deviation is `offset_sd`.
     pub fn row(
         &self,
         row: &mut [f64],
@@ -240,7 +245,8 @@ fn nuisance_columns(it: &Measurement, config: &Config) -> [f64; OF_CAMERA - FIRS
 mod tests {
     use super::*;
 
-    /// The standard deviation that measurements of seven joint zeros tell, each of which has this variance by itself.
+    /// The standard deviation that measurements of seven joint zeros tell, each of which has this variance by
+    /// itself.
     fn told(measured: [f64; 7], variance: f64, by_images: bool) -> f64 {
         let kinds = (0..7).map(|i| (Kind::JointZero(i), FIRST_ZERO_SD_RAD)).collect();
         let mut shared = Shared { values: Vec::new(), kinds, told: [Told { sd: 1.0, by_images }; 2] };
@@ -259,7 +265,8 @@ mod tests {
         let off = [1.5, -1.5, 1.5, -1.5, 1.5, -1.5, 1.5];
         assert!((told(off, 0.25, true) - 2.0_f64.sqrt()).abs() < 1e-6);
         assert!((told(off, 0.25, false) - 1.0).abs() < 1e-12, "what is set stays");
-        // Less than the measurements are off by themselves: nothing says that the zeros are off by more than a fraction of that.
+        // Less than the measurements are off by themselves: nothing says that the zeros are off by more than
+        // a fraction of that.
         let exact = off.map(|it| it / 6.0);
         assert!(told(exact, 0.25, true) < 0.2);
     }

@@ -1,7 +1,8 @@
 //! Poses of the arm that tell most about where the cameras stand: greedy choice among random ones.
 //!
-//! What a pose tells of each camera is the information of what would be compared in its image. The determinant of the information on
-//! the camera's pose, the nuisances eliminated, is to grow (D-optimal design).
+//! What a pose tells of each camera is the information of what would be compared in its image. The
+//! determinant of the information on the camera's pose, the nuisances eliminated, is to grow (D-optimal
+//! design).
 
 use std::f64::consts::PI;
 
@@ -143,7 +144,8 @@ fn information(
     let by = f64::from(SMALLER);
     for it in &found {
         posed.row(&mut row, it, &state, &shared, offset_sd, config);
-        // One pixel stands for all of those that it covers, one line for as many, and a pixel along it for as many.
+        // One pixel stands for all of those that it covers, one line for as many, and a pixel along it for as
+        // many.
         let weight = if it.is_depth() {
             by * by / (config.inverse_depth_sd_per_m.powi(2) * (1.0 - config.common_fraction).max(0.01))
         } else {
@@ -156,7 +158,8 @@ fn information(
     information
 }
 
-/// Logarithm of the determinant of the information on a pose, the nuisances eliminated: that of the whole over that of the nuisances.
+/// Logarithm of the determinant of the information on a pose, the nuisances eliminated: that of the whole
+/// over that of the nuisances.
 fn log_det(information: &DMatrix<f64>) -> f64 {
     let nuisances = OF_CAMERA - FIRST_NUISANCE;
     let part = information.view((FIRST_NUISANCE, FIRST_NUISANCE), (nuisances, nuisances)).into_owned();
@@ -165,8 +168,8 @@ fn log_det(information: &DMatrix<f64>) -> f64 {
     of(information.clone()) - of(part)
 }
 
-/// The nearest pose next, by how long the slowest joint takes; then parts of the way are turned round while that makes it shorter
-/// (2-opt).
+/// The nearest pose next, by how long the slowest joint takes; then parts of the way are turned round while
+/// that makes it shorter (2-opt).
 fn in_short_order(robot: &Robot, mut poses: Vec<JointVector>) -> Vec<JointVector> {
     let duration = |from: &JointVector, to: &JointVector| {
         let slowest = |i: usize| (to[i] - from[i]).abs() / robot.joints[i].limits.velocity;

@@ -23,13 +23,15 @@ const GATE_M: f64 = 0.05;
 const GATE_SD: f64 = 3.0;
 /// Images by themselves are registered from so many poses on, when it is known where the object is.
 const LEAST_POSES: usize = 4;
-/// So many poses in a row beside the flight end it: the object has hit something. A flight of few poses was none, and another begins.
+/// So many poses in a row beside the flight end it: the object has hit something. A flight of few poses was
+/// none, and another begins.
 const ENDING_POSES: usize = 3;
 const FEW_POSES: usize = 8;
 /// An object that has not been seen for so long, in seconds, is gone.
 const GONE_S: f64 = 0.3;
 
-/// Collects the sightings of one throw of a known object while the arm rests: a brain like any other, for any cell.
+/// Collects the sightings of one throw of a known object while the arm rests: a brain like any other, for any
+/// cell.
 ///
 /// All images together tell the flight. Near it each image is registered by itself.
 #[derive(Debug)]
@@ -52,8 +54,8 @@ pub struct FlightRun {
 }
 
 impl FlightRun {
-    /// `known` has the object, and the cameras as they are calibrated; `calibration` what is to be added to their time stamps. It ends after
-    /// `duration_s`, or when the object has hit something or is gone.
+    /// `known` has the object, and the cameras as they are calibrated; `calibration` what is to be added to
+    /// their time stamps. It ends after `duration_s`, or when the object has hit something or is gone.
     pub fn new(known: Arc<Preparation>, calibration: &Calibration, duration_s: f64) -> Self {
         let motion = known.search().motion();
         Self {
@@ -203,7 +205,8 @@ fn is_on(flight: &FlightTrajectory, pose: &ObjectPose) -> bool {
     off_m < GATE_M + GATE_SD * libm::hypot(pose_sd_m, flight.position_sd_at(pose.capture_s))
 }
 
-/// Covariance of the position in W, whatever the orientation is; along directions that the image does not tell it is 1 m.
+/// Covariance of the position in W, whatever the orientation is; along directions that the image does not
+/// tell it is 1 m.
 fn position_covariance(pose: &ObjectPose) -> Option<Matrix3<f64>> {
     let block = |i, j| pose.information.fixed_view::<3, 3>(i, j).into_owned();
     let rotation = (block(0, 0) + Matrix3::identity()).try_inverse()?;

@@ -1,9 +1,10 @@
 //! Silhouettes of the arm: how many pixels show something on a line across each.
 //!
-//! A stereo camera shows more than there is: surfaces grow at their edges by a pixel or so, by more where the silhouette is slanted to
-//! the line, and lose what is seen too steeply, also of the growth. So the number of pixels is compared with the prediction, and growth
-//! and losses are estimated with everything else. A surface point p on the silhouette that moves by u shifts it by f·(n·u)/(z·n_line),
-//! with the normal n, which is perpendicular to the ray there.
+//! A stereo camera shows more than there is: surfaces grow at their edges by a pixel or so, by more where the
+//! silhouette is slanted to the line, and lose what is seen too steeply, also of the growth. So the number of
+//! pixels is compared with the prediction, and growth and losses are estimated with everything else. A
+//! surface point p on the silhouette that moves by u shifts it by f·(n·u)/(z·n_line), with the normal n,
+//! which is perpendicular to the ray there.
 
 use catch_body::ray_cast::SurfacePart;
 use catch_cell::CameraModel;
@@ -68,7 +69,8 @@ pub fn measure(
                     let between = (end as f64 - it.at_px).abs();
                     (between, between, 1.0)
                 }
-                // A pixel shows what its centre's ray meets: half of the line's pixels are predicted to show the arm.
+                // A pixel shows what its centre's ray meets: half of the line's pixels are predicted to show
+                // the arm.
                 Some((image, still)) => {
                     let shown = (it.last + 1 - reach..it.last + 1 + reach).map(|along| {
                         let (column, row) = if along_row { (along, it.line) } else { (it.line, along) };

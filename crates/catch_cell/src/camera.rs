@@ -8,8 +8,8 @@ use crate::DataSheet;
 
 /// A pinhole depth camera at a known place.
 ///
-/// Frame C: z along the optical axis, x to the right, y down in the image. Pixel (0, 0) covers image coordinates 0 to 1, so
-/// its centre is at (0.5, 0.5).
+/// Frame C: z along the optical axis, x to the right, y down in the image. Pixel (0, 0) covers image
+/// coordinates 0 to 1, so its centre is at (0.5, 0.5).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraModel {
     /// Pose of the camera in the world (for a reference scan: in the reference frame R), as calibrated.
@@ -57,7 +57,8 @@ impl CameraModel {
         Point3::new((uv.x - cx) / self.focal_px * depth_m, (uv.y - cy) / self.focal_px * depth_m, depth_m)
     }
 
-    /// Image coordinates in pixels of a point in C, given in metres; `None` behind the camera. They may lie outside of the image.
+    /// Image coordinates in pixels of a point in C, given in metres; `None` behind the camera. They may lie
+    /// outside of the image.
     pub fn project(&self, p_C: &Point3<f64>) -> Option<Point2<f64>> {
         let [cx, cy] = self.principal_px;
         (p_C.z > 1e-6).then(|| Point2::new(cx + self.focal_px * p_C.x / p_C.z, cy + self.focal_px * p_C.y / p_C.z))
@@ -72,7 +73,8 @@ impl CameraModel {
     pub fn window_around(&self, centre_C: &Point3<f64>, radius_m: f64) -> PixelWindow {
         let near = centre_C.z - radius_m;
         let Some(uv) = self.project(centre_C).filter(|_| near > 1e-6) else { return PixelWindow::default() };
-        // The outline reaches at most this far from the image of the centre: |Δ(x/z)| ≤ (r + |x/z|·r)/(z − r).
+        // The outline reaches at most this far from the image of the centre: |Δ(x/z)| ≤ (r + |x/z|·r)/(z −
+        // r).
         let reach = |offset: f64| (radius_m * self.focal_px + offset.abs() * radius_m) / near + 1.0;
         let cut = |value: f64, most: u32| value.clamp(0.0, f64::from(most)) as u32;
         let [cx, cy] = self.principal_px;
@@ -116,7 +118,8 @@ impl PixelWindow {
         Point2::new(f64::from(self.left) + column as f64 + 0.5, f64::from(self.top) + row as f64 + 0.5)
     }
 
-    /// The pixels that it shares with another window; where there are none, an empty window in its own first corner.
+    /// The pixels that it shares with another window; where there are none, an empty window in its own first
+    /// corner.
     pub fn intersection(&self, other: &Self) -> Self {
         let (left, top) = (self.left.max(other.left), self.top.max(other.top));
         // Windows come from outside and may be anything.
@@ -140,10 +143,11 @@ pub struct DepthFrame {
     pub capture_s: f64,
     /// The part of the image that follows.
     pub window: PixelWindow,
-    /// Depth along the optical axis (z of C, not the length of the ray) in metres, row by row, one value per pixel of the window; NaN where
-    /// nothing was measured.
+    /// Depth along the optical axis (z of C, not the length of the ray) in metres, row by row, one value per
+    /// pixel of the window; NaN where nothing was measured.
     pub depth_m: Vec<f32>,
-    /// Which of these pixels show the thrown object, in the same order and number, where the cell's sensors can tell.
+    /// Which of these pixels show the thrown object, in the same order and number, where the cell's sensors
+    /// can tell.
     pub mask: Option<Vec<bool>>,
 }
 

@@ -1,8 +1,9 @@
 //! The executor: takes commands as the contract says, for simulated arms and for drivers of real ones.
 //!
-//! [`Executor`] is the trajectory queue of an arm's driver. It checks what arrives, splices each trajectory into the one before it
-//! at its start, samples the set-point, and tells the brain what became of its trajectories. [`GripperQueue`] does the same for
-//! gripper moves. Neither knows a clock: all times come from the caller.
+//! [`Executor`] is the trajectory queue of an arm's driver. It checks what arrives, splices each trajectory
+//! into the one before it at its start, samples the set-point, and tells the brain what became of its
+//! trajectories. [`GripperQueue`] does the same for gripper moves. Neither knows a clock: all times come from
+//! the caller.
 
 mod gripper_queue;
 mod limit_check;
@@ -29,7 +30,8 @@ const MOST_KNOTS: usize = 1000;
 /// Settings of an [`Executor`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExecutorConfig {
-    /// Whether position, velocity and acceleration of a trajectory must equal those of the executing one at its start.
+    /// Whether position, velocity and acceleration of a trajectory must equal those of the executing one at
+    /// its start.
     pub continuous_start: bool,
     /// Whether they must be continuous along it, too.
     pub continuous_inside: bool,
@@ -62,7 +64,8 @@ pub struct Executor {
     /// The arm with its gripper.
     robot: Robot,
     config: ExecutorConfig,
-    /// The executing trajectory first, then those that take over later. What has no identifier holds the arm at the beginning.
+    /// The executing trajectory first, then those that take over later. What has no identifier holds the arm
+    /// at the beginning.
     queue: Vec<(Option<TrajectoryId>, BSpline)>,
     /// The highest identifier that has arrived.
     last_id: Option<TrajectoryId>,
@@ -71,7 +74,8 @@ pub struct Executor {
 }
 
 impl Executor {
-    /// An executor that holds the arm at `q`. `robot` should carry its gripper, whose weight the torque limits count with.
+    /// An executor that holds the arm at `q`. `robot` should carry its gripper, whose weight the torque
+    /// limits count with.
     pub fn new(robot: Robot, q: JointVector, config: ExecutorConfig) -> Self {
         let queue = vec![(None, BSpline::at_rest(0.0, q))];
         Self { robot, config, queue, last_id: None, rejected: Vec::new() }
@@ -175,14 +179,15 @@ impl Executor {
         self.queue.iter().rposition(|(_, spline)| spline.start_s() <= time_s + SAME_TIME_S).unwrap_or(0)
     }
 
-    /// What the arm should do at `time_s`, after which no earlier time is asked for: what has been replaced by then is forgotten.
+    /// What the arm should do at `time_s`, after which no earlier time is asked for: what has been replaced
+    /// by then is forgotten.
     pub fn advance(&mut self, time_s: f64) -> Setpoint {
         self.queue.drain(..self.executing(time_s));
         self.setpoint(time_s)
     }
 
-    /// The state that the brain is told, with what was rejected since the last call: `q` and `dq` as the encoders have them at
-    /// `time_s`.
+    /// The state that the brain is told, with what was rejected since the last call: `q` and `dq` as the
+    /// encoders have them at `time_s`.
     pub fn arm_state(&mut self, time_s: f64, q: JointVector, dq: JointVector) -> ArmState {
         let (executing, spline) = &self.queue[self.executing(time_s)];
         let commanded = spline.setpoint(time_s);

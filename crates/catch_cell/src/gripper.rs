@@ -19,8 +19,8 @@ pub struct GripperState {
     pub grasp: GraspState,
 }
 
-/// What a gripper knows of its grasp, from its own fingers alone: the states of the Schunk WSG-50 (assembly and operating
-/// manual, 7.5.2) but for those of faults.
+/// What a gripper knows of its grasp, from its own fingers alone: the states of the Schunk WSG-50 (assembly
+/// and operating manual, 7.5.2) but for those of faults.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GraspState {

@@ -1,6 +1,8 @@
-//! What the owner of a cell knows beforehand: of the object, from a scale, a scan and tables; of a camera, from its data sheet.
+//! What the owner of a cell knows beforehand: of the object, from a scale, a scan and tables; of a camera,
+//! from its data sheet.
 //!
-//! Nothing here is true by construction. A simulated arena never reads it, and a wrong value costs catches as it would in a real cell.
+//! Nothing here is true by construction. A simulated arena never reads it, and a wrong value costs catches as
+//! it would in a real cell.
 
 use catch_body::{InputError, quantity};
 use serde::{Deserialize, Serialize, de::IgnoredAny};
@@ -39,13 +41,14 @@ pub struct ObjectFigures {
     /// Expected coefficient of restitution against the gripper, 0 to 1, if anything is known of it.
     #[serde(default, deserialize_with = "quantity::fraction")]
     pub restitution: Option<f64>,
-    /// Standard deviation in metres of each coordinate of its centre of mass about that of uniform density; 2 mm if nobody says. It is
-    /// estimated in flight, as far as the spin shows it.
+    /// Standard deviation in metres of each coordinate of its centre of mass about that of uniform density; 2
+    /// mm if nobody says. It is estimated in flight, as far as the spin shows it.
     #[serde(default = "typical_com_sd_m", deserialize_with = "quantity::error_m")]
     pub com_sd_m: f64,
 }
 
-/// Of an object whose density nobody has looked into: a claim of zero costs catches of all that are not uniform.
+/// Of an object whose density nobody has looked into: a claim of zero costs catches of all that are not
+/// uniform.
 fn typical_com_sd_m() -> f64 {
     0.002
 }
@@ -72,8 +75,8 @@ struct ObjectFile {
 }
 
 impl ObjectFigures {
-    /// Reads the table `[known]` of an object's TOML file, whether it has a file of its own or stands beside `[truth]`; `file` names it
-    /// in errors.
+    /// Reads the table `[known]` of an object's TOML file, whether it has a file of its own or stands beside
+    /// `[truth]`; `file` names it in errors.
     ///
     /// # Errors
     /// A field that is missing, misspelt or out of range.
@@ -144,7 +147,8 @@ impl DataSheet {
         }
     }
 
-    /// The standard deviation of a depth over its square, in 1/m, for a camera with this focal length in pixels.
+    /// The standard deviation of a depth over its square, in 1/m, for a camera with this focal length in
+    /// pixels.
     pub fn quadratic_per_m(&self, focal_px: f64) -> f64 {
         self.quadratic_per_m + self.subpixel_px / (focal_px * self.baseline_m)
     }

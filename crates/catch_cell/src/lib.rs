@@ -1,12 +1,13 @@
 //! The contract: what crosses the wire between a brain that catches and the cell it catches in.
 //!
-//! A cell (a simulated arena, or the driver of a real robot) hands out [`Observation`]s and takes [`Command`]s. A brain
-//! turns one into the other. Everything here is what a driver of a real arm, gripper and set of depth cameras would need,
-//! and nothing else: no truth, no score, no simulator. All times are seconds on the cell's clock.
+//! A cell (a simulated arena, or the driver of a real robot) hands out [`Observation`]s and takes
+//! [`Command`]s. A brain turns one into the other. Everything here is what a driver of a real arm, gripper
+//! and set of depth cameras would need, and nothing else: no truth, no score, no simulator. All times are
+//! seconds on the cell's clock.
 
 //!
-//! Begin with [`Cell`] (what a driver implements), [`Executor`] (how it carries out trajectories, in the arena as with real drives)
-//! and [`run`] (the loop in which a cell and a brain meet):
+//! Begin with [`Cell`] (what a driver implements), [`Executor`] (how it carries out trajectories, in the
+//! arena as with real drives) and [`run`] (the loop in which a cell and a brain meet):
 //!
 //! ```
 //! use std::ops::ControlFlow;
@@ -73,14 +74,15 @@ pub struct Command {
     pub arm: Option<ArmTrajectory>,
     /// Replaces all gripper moves that have not started, an empty list by none; `None` changes nothing.
     pub gripper: Option<Vec<GripperMove>>,
-    /// The part of each camera's next images that the brain wants, one entry per camera; `None` means all that the cameras give by
-    /// themselves: full images, or what shows the object where they tell it apart.
+    /// The part of each camera's next images that the brain wants, one entry per camera; `None` means all
+    /// that the cameras give by themselves: full images, or what shows the object where they tell it apart.
     pub windows: Option<Vec<PixelWindow>>,
 }
 
 /// A place where things are caught: a simulation or real hardware.
 pub trait Cell {
-    /// What can go wrong: [`CellFault`] for real hardware, [`Infallible`](std::convert::Infallible) for what cannot fail.
+    /// What can go wrong: [`CellFault`] for real hardware, [`Infallible`](std::convert::Infallible) for what
+    /// cannot fail.
     type Error;
 
     /// Waits for the next sensor tick and tells what was sensed.
@@ -89,7 +91,8 @@ pub trait Cell {
     /// If a device cannot be reached or has stopped.
     fn sense(&mut self) -> Result<Observation, Self::Error>;
 
-    /// Passes a command on to arm, gripper and cameras. What becomes of its trajectory is told in the next observations.
+    /// Passes a command on to arm, gripper and cameras. What becomes of its trajectory is told in the next
+    /// observations.
     ///
     /// # Errors
     /// If a device cannot be reached or has stopped.
@@ -98,9 +101,11 @@ pub trait Cell {
 
 /// Something that decides what to do about what was sensed.
 pub trait Brain {
-    /// One decision. It cannot fail: what is missing leads to a command that is empty or brings the arm to rest.
+    /// One decision. It cannot fail: what is missing leads to a command that is empty or brings the arm to
+    /// rest.
     ///
-    /// `probe` is told of every stage as it ends; it is how times are taken without the brain reading a clock.
+    /// `probe` is told of every stage as it ends; it is how times are taken without the brain reading a
+    /// clock.
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command;
 
     /// Forgets all that was seen and decided, for another throw in the same cell.

@@ -7,7 +7,8 @@ use thiserror::Error;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Error)]
 #[serde(rename_all = "snake_case")]
 pub enum Rejection {
-    /// Not a clamped spline of finite numbers whose knots and control points fit together, or one that is empty or endless.
+    /// Not a clamped spline of finite numbers whose knots and control points fit together, or one that is
+    /// empty or endless.
     #[error("malformed: not a clamped cubic B-spline of finite numbers, of at most 100 s and 1000 knots")]
     Malformed,
     /// It moves a joint that the arm does not have.
@@ -27,7 +28,8 @@ pub enum Rejection {
         /// Time from its start to its arrival, in seconds.
         by_s: f64,
     },
-    /// Position, velocity or acceleration jump: at its start from what is executing then, or at a repeated knot.
+    /// Position, velocity or acceleration jump: at its start from what is executing then, or at a repeated
+    /// knot.
     #[error("joint {joint} jumps at {time_s} s: {size} rad, rad/s or rad/s²")]
     Discontinuous {
         /// Which joint, from zero.

@@ -49,7 +49,8 @@ struct UvSphereFields {
     vertical_fov_deg: f64,
 }
 
-/// A camera of its own: it looks at a point or has a rotation, and has a field of view or a calibrated focal length.
+/// A camera of its own: it looks at a point or has a rotation, and has a field of view or a calibrated focal
+/// length.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CameraFields {
@@ -86,8 +87,8 @@ struct CameraFields {
 
 /// Reads the cameras of a rig file; `file` names it in errors.
 ///
-/// The file has a table `[uv_sphere]`, or tables `[[cameras]]`, or both. The poses are in the frame that the rig stands in: the
-/// world, or the reference frame R around an object that is scanned.
+/// The file has a table `[uv_sphere]`, or tables `[[cameras]]`, or both. The poses are in the frame that the
+/// rig stands in: the world, or the reference frame R around an object that is scanned.
 ///
 /// # Errors
 /// The first field that is missing, misspelt or out of range, or that there is no camera at all.

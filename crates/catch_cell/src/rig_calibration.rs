@@ -12,7 +12,8 @@ use crate::CameraModel;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RigCalibration {
-    /// Covariance of the pose X_WC·exp(ω, v), row by row: three rotations about the camera's axes, then three translations along them.
+    /// Covariance of the pose X_WC·exp(ω, v), row by row: three rotations about the camera's axes, then three
+    /// translations along them.
     #[serde(deserialize_with = "quantity::pose_covariance")]
     pub covariance: Vec<f64>,
     /// Measured depths are true ones times 1 + this.
@@ -60,7 +61,8 @@ impl RigCalibration {
     }
 }
 
-/// The rig file of these cameras, which [`rig_from_toml`](crate::rig_from_toml) reads; every line of `about` stands above it as a comment.
+/// The rig file of these cameras, which [`rig_from_toml`](crate::rig_from_toml) reads; every line of `about`
+/// stands above it as a comment.
 pub fn rig_to_toml(about: &str, cameras: &[(CameraModel, Option<RigCalibration>)]) -> String {
     let mut text = String::new();
     about.lines().for_each(|line| text += &format!("# {line}\n"));

@@ -8,9 +8,10 @@ use crate::{Brain, Cell, Command, Observation};
 
 /// Lets `brain` act in `cell` until the recorder or a failure of the cell ends it.
 ///
-/// `recorder` is shown every observation with the command that answers it, before the cell is; it may look at cell and brain as
-/// they are then. Where it breaks, that command is not passed on and its value is returned; an adapter that must raise an
-/// error of its own afterwards breaks with it. However the loop ends the arm comes to rest: every trajectory does.
+/// `recorder` is shown every observation with the command that answers it, before the cell is; it may look at
+/// cell and brain as they are then. Where it breaks, that command is not passed on and its value is returned;
+/// an adapter that must raise an error of its own afterwards breaks with it. However the loop ends the arm
+/// comes to rest: every trajectory does.
 ///
 /// # Errors
 /// The cell's own, with the call that failed and how many commands had been passed on.

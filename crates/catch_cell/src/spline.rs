@@ -34,8 +34,8 @@ impl Setpoint {
 
 /// A clamped cubic B-spline q(t) (de Boor, A Practical Guide to Splines, ch. IX).
 ///
-/// Its knots are non-decreasing, the first and the last repeated four times, four more than there are control points. A knot
-/// that is repeated three times inside joins two splines.
+/// Its knots are non-decreasing, the first and the last repeated four times, four more than there are control
+/// points. A knot that is repeated three times inside joins two splines.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BSpline {
     /// Knots in seconds on the cell's clock: n + 4 for n control points.
@@ -57,7 +57,8 @@ impl BSpline {
         self.knots_s[self.knots_s.len() - 1]
     }
 
-    /// Positions in radians, velocities in rad/s and accelerations in rad/s² at `time_s`, which is clamped to the spline's domain.
+    /// Positions in radians, velocities in rad/s and accelerations in rad/s² at `time_s`, which is clamped to
+    /// the spline's domain.
     pub fn evaluate(&self, time_s: f64) -> [JointVector; 3] {
         let (first, weights) = basis(&self.knots_s, time_s);
         weights.map(|row| row.iter().zip(&self.control_points[first..]).map(|(&weight, point)| point * weight).sum())
@@ -69,7 +70,8 @@ impl BSpline {
         Self { knots_s, control_points: vec![q; 4] }
     }
 
-    /// As a motion that ends at rest: the first point before the start, the last, standing still, after the end.
+    /// As a motion that ends at rest: the first point before the start, the last, standing still, after the
+    /// end.
     pub fn setpoint(&self, time_s: f64) -> Setpoint {
         if time_s >= self.end_s() {
             return Setpoint::at_rest(self.control_points.last().copied().unwrap_or_default());
@@ -78,7 +80,8 @@ impl BSpline {
         Setpoint { q, dq, ddq }
     }
 
-    /// The spans between distinct knots: start, end just before the next knot. A knot that is repeated may let derivatives jump.
+    /// The spans between distinct knots: start, end just before the next knot. A knot that is repeated may
+    /// let derivatives jump.
     pub fn spans(&self) -> impl Iterator<Item = [f64; 2]> {
         self.knots_s.windows(2).map(|pair| [pair[0], pair[1].next_down()]).filter(|[start_s, end_s]| start_s < end_s)
     }
@@ -104,10 +107,11 @@ impl BSpline {
     }
 }
 
-/// Values, first and second derivatives at `time` of the four cubic basis functions that do not vanish there, and the index
-/// of the first of them.
+/// Values, first and second derivatives at `time` of the four cubic basis functions that do not vanish there,
+/// and the index of the first of them.
 ///
-/// Cox–de Boor recursion; derivatives by differences of the lower degrees (Piegl & Tiller, The NURBS Book, A2.2 and eq. 2.9).
+/// Cox–de Boor recursion; derivatives by differences of the lower degrees (Piegl & Tiller, The NURBS Book,
+/// A2.2 and eq. 2.9).
 pub fn basis(knots: &[f64], time: f64) -> (usize, [[f64; DEGREE + 1]; 3]) {
     let count = knots.len() - DEGREE - 1;
     let time = time.clamp(knots[0], knots[knots.len() - 1]);
@@ -130,7 +134,8 @@ pub fn basis(knots: &[f64], time: f64) -> (usize, [[f64; DEGREE + 1]; 3]) {
         }
     }
 
-    // N'_{i,d} = d·(N_{i,d-1}/(t_{i+d} − t_i) − N_{i+1,d-1}/(t_{i+d+1} − t_{i+1})), here as a map of coefficients.
+    // N'_{i,d} = d·(N_{i,d-1}/(t_{i+d} − t_i) − N_{i+1,d-1}/(t_{i+d+1} − t_{i+1})), here as a map of
+    // coefficients.
     let derivative = |lower: &[f64; DEGREE + 1], d: usize| {
         let mut out = [0.0; DEGREE + 1];
         for j in 0..d {

@@ -1,6 +1,7 @@
 //! An object of one's own from an OBJ file: `cargo run --release --example 02_own_object`.
 //!
-//! The files are in `own_object` beside this one; `catchingbot new object NAME` writes a commented one to start from.
+//! The files are in `own_object` beside this one; `catchingbot new object NAME` writes a commented one to
+//! start from.
 
 #![expect(clippy::print_stdout, reason = "examples speak to whoever runs them")]
 

@@ -1,6 +1,7 @@
 //! A changed scenario, and how often it still catches: `cargo run --release --example 03_own_scenario`.
 //!
-//! On the command line: `catchingbot new scenario slippery`, change the file, `catchingbot eval --scenario slippery.toml`.
+//! On the command line: `catchingbot new scenario slippery`, change the file,
+//! `catchingbot eval --scenario slippery.toml`.
 
 #![expect(clippy::print_stdout, reason = "examples speak to whoever runs them")]
 

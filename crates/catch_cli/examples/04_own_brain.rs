@@ -1,7 +1,8 @@
 //! A brain of one's own in the arena: `cargo run --release --example 04_own_brain`.
 //!
-//! This one only holds the arm where it is and closes the gripper when it sees the object within 0.75 m of the arm's base axis. A
-//! real cell is brought in the other way round: implement `catch_cell::Cell` for its drivers and give it to `CatchingBot`.
+//! This one only holds the arm where it is and closes the gripper when it sees the object within 0.75 m of
+//! the arm's base axis. A real cell is brought in the other way round: implement `catch_cell::Cell` for its
+//! drivers and give it to `CatchingBot`.
 
 #![expect(clippy::print_stdout, reason = "examples speak to whoever runs them")]
 

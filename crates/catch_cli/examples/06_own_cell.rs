@@ -1,9 +1,10 @@
 //! The brain in a cell of one's own, without the arena: `cargo run --release --example 06_own_cell`.
 //!
-//! A real cell's driver fills in the same [`Observation`] from its encoders, its gripper and its cameras, and hands the same
-//! [`Command`]s to the same [`Executor`], which takes or rejects trajectories and samples the set-point for the drives. Here the
-//! arm is exactly where its set-point is, commands arrive 4 ms late, and the images are those of a ball on a parabola. The run is
-//! recorded: `catchingbot view`, `replay` and `gripper-latency` open recordings of a real cell as well.
+//! A real cell's driver fills in the same [`Observation`] from its encoders, its gripper and its cameras, and
+//! hands the same [`Command`]s to the same [`Executor`], which takes or rejects trajectories and samples the
+//! set-point for the drives. Here the arm is exactly where its set-point is, commands arrive 4 ms late, and
+//! the images are those of a ball on a parabola. The run is recorded: `catchingbot view`, `replay` and
+//! `gripper-latency` open recordings of a real cell as well.
 
 #![expect(clippy::print_stdout, reason = "examples speak to whoever runs them")]
 

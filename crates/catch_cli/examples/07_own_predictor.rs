@@ -1,4 +1,5 @@
-//! A flight predictor of one's own, evaluated and refereed beside ours: `cargo run --release --example 07_own_predictor`.
+//! A flight predictor of one's own, evaluated and refereed beside ours:
+//! `cargo run --release --example 07_own_predictor`.
 
 #![expect(clippy::print_stdout, reason = "examples speak to whoever runs them")]
 

@@ -65,10 +65,12 @@ pub struct CalibrateArguments {
     /// Poses of the arm
     #[arg(long, value_name = "N", default_value_t = Config::default().poses as u64, value_parser = whole(POSES.least as u64, POSES.most as u64))]
     poses: u64,
-    /// Standard deviation of the joints' zeros, in degrees, instead of what the images tell; zero: they are exact
+    /// Standard deviation of the joints' zeros, in degrees, instead of what the images tell; zero: they are
+    /// exact
     #[arg(long, value_name = "DEGREES", value_parser = at_most(5.0))]
     joint_zero_sd_deg: Option<f64>,
-    /// Standard deviation of how far the links' surfaces are from their model, in millimetres, instead of what the images tell
+    /// Standard deviation of how far the links' surfaces are from their model, in millimetres, instead of
+    /// what the images tell
     #[arg(long, value_name = "MM", value_parser = at_most(20.0))]
     link_sd_mm: Option<f64>,
     /// Throws that refine the calibration afterwards: the cameras see one flight, whose law is known
@@ -196,7 +198,8 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     if *json { screen::json(&document) } else { Ok(tell(&document)?) }
 }
 
-/// The cameras as they are calibrated before anything is thrown, where the scenario wants that. It tells that this takes a while.
+/// The cameras as they are calibrated before anything is thrown, where the scenario wants that. It tells that
+/// this takes a while.
 pub fn cameras(setup: &Setup, seed: u64) -> Option<Arc<CalibratedCameras>> {
     setup.scenario.calibration.as_ref()?;
     let bar = screen::spinner("calibrating the cameras");
@@ -205,7 +208,8 @@ pub fn cameras(setup: &Setup, seed: u64) -> Option<Arc<CalibratedCameras>> {
     calibrated
 }
 
-/// Calibrates the cameras before anything is thrown, where the scenario wants that, and tells what remains if it is told `aloud`.
+/// Calibrates the cameras before anything is thrown, where the scenario wants that, and tells what remains if
+/// it is told `aloud`.
 ///
 /// # Errors
 /// If standard output is closed.

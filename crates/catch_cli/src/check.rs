@@ -19,7 +19,8 @@ use crate::{
 /// Arguments of `check`.
 #[derive(Debug, Args)]
 pub struct CheckArguments {
-    /// Scenario, robot, gripper, workcell, object, throw, rig or study files; a robot is its robot.toml or the folder that holds it
+    /// Scenario, robot, gripper, workcell, object, throw, rig or study files; a robot is its robot.toml or
+    /// the folder that holds it
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
     /// Print one JSON document

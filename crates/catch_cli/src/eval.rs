@@ -73,8 +73,8 @@ pub struct EvalArguments {
     /// Go on with the results that are in the folder
     #[arg(long)]
     pub(super) resume: bool,
-    /// Variants of a scenario: a built-in study or a file; `ablation` removes the paper's assumptions one after the other and one at a
-    /// time, from the scenario `paper` to `honest`
+    /// Variants of a scenario: a built-in study or a file; `ablation` removes the paper's assumptions one
+    /// after the other and one at a time, from the scenario `paper` to `honest`
     #[arg(long, value_name = "NAME|FILE", conflicts_with_all = ["scenario", "method", "settings", "markdown"])]
     pub study: Option<String>,
     /// Write plots as SVG beside the report
@@ -182,7 +182,8 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         trials: timed,
         stages: stopwatch.summary().into_iter().collect(),
     };
-    // Where nothing was left to run, the times of the run that did it all stay, and so does the report that shows them.
+    // Where nothing was left to run, the times of the run that did it all stay, and so does the report that
+    // shows them.
     let is_new = times.trials > 0 || !folder.join(TIMES_FILE).exists();
     if is_new {
         let text = serde_json::to_string_pretty(&times)? + "\n";
@@ -211,7 +212,8 @@ pub struct Done {
     pub stopwatch: Stopwatch,
 }
 
-/// Goes on with the results in a folder until all trials are done, or begins with them; `things` are what its progress counts.
+/// Goes on with the results in a folder until all trials are done, or begins with them; `things` are what its
+/// progress counts.
 ///
 /// # Errors
 /// A folder with results of something else, or one that cannot be written.

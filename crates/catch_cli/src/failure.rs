@@ -1,4 +1,5 @@
-//! Failures as a script reads them: with `--json` each is one document of one shape, whatever command it was and whatever went wrong.
+//! Failures as a script reads them: with `--json` each is one document of one shape, whatever command it was
+//! and whatever went wrong.
 
 use std::{error::Error, io, process::ExitCode};
 

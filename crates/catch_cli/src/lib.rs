@@ -1,14 +1,16 @@
-//! The command line of CatchingBot: one module per subcommand, each of which reads its arguments, calls [`catch_lab`] and prints.
+//! The command line of CatchingBot: one module per subcommand, each of which reads its arguments, calls
+//! [`catch_lab`] and prints.
 //!
-//! Begin with [`main`] (the program), [`command`] (its arguments as data) and [`ChoiceArguments`] (what is thrown at what):
+//! Begin with [`main`] (the program), [`command`] (its arguments as data) and [`ChoiceArguments`] (what is
+//! thrown at what):
 //!
 //! ```
 //! let eval = catch_cli::command().find_subcommand("eval").cloned();
 //! assert!(eval.is_some_and(|it| it.get_arguments().any(|it| it.get_id() == "trials")));
 //! ```
 //!
-//! A program has this command line by calling [`main`]. Every arena that it runs is made by [`catch_lab::scenario::setup::Setup::arena`], the
-//! one place where another physics engine would come in.
+//! A program has this command line by calling [`main`]. Every arena that it runs is made by
+//! [`catch_lab::scenario::setup::Setup::arena`], the one place where another physics engine would come in.
 //!
 //! Exit code 0: it ran, whatever was caught; 2: something is wrong with what was asked for; 1: anything else.
 
@@ -52,8 +54,8 @@ use failure::Failure;
 
 /// Throws things at a robot arm that catches them from depth images alone.
 ///
-/// Without a subcommand it does what `catch` does: one throw, simulated from the thrower's hand to the arm's, with its story
-/// on the terminal and a recording on disk.
+/// Without a subcommand it does what `catch` does: one throw, simulated from the thrower's hand to the arm's,
+/// with its story on the terminal and a recording on disk.
 #[derive(Debug, Parser)]
 #[command(name = "catchingbot", version = version_with_commit(), args_conflicts_with_subcommands = true, max_term_width = 100)]
 #[command(after_help = "\
@@ -116,7 +118,8 @@ enum Command {
     View(view::ViewArguments),
     /// How long a gripper takes to begin a move, from recordings: the setting gripper_latency_s
     GripperLatency(gripper_latency::GripperLatencyArguments),
-    /// A commented file to start from: your own robot, gripper, workcell, cameras, object, throw, scenario or study, or sample data
+    /// A commented file to start from: your own robot, gripper, workcell, cameras, object, throw, scenario or
+    /// study, or sample data
     New(new::NewArguments),
     /// Checks the files of robots, grippers, workcells, objects, throws, rigs, scenarios and studies
     Check(check::CheckArguments),

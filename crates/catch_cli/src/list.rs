@@ -12,7 +12,8 @@ use crate::screen::{self, FAINT, STRONG};
 /// Arguments of `list`.
 #[derive(Debug, Args)]
 pub struct ListArguments {
-    /// Print the file of this scenario, object, throw, robot, gripper, workcell, rig or study, to read or to start your own from
+    /// Print the file of this scenario, object, throw, robot, gripper, workcell, rig or study, to read or to
+    /// start your own from
     #[arg(long, value_name = "NAME")]
     show: Option<String>,
     /// Print one JSON document

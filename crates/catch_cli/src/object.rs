@@ -43,7 +43,8 @@ pub struct ImportArguments {
     /// A mesh, a cloud, a description, or a folder that holds one, or depth images and their rig.toml
     #[arg(value_name = "FILE|FOLDER")]
     source: PathBuf,
-    /// The object's folder, for truth.toml, known.toml and its mesh NAME.obj; or a file NAME.toml for both, its mesh beside it
+    /// The object's folder, for truth.toml, known.toml and its mesh NAME.obj; or a file NAME.toml for both,
+    /// its mesh beside it
     #[arg(long, value_name = "DIR|FILE")]
     out: PathBuf,
     /// The link of a description with several

@@ -130,7 +130,8 @@ struct RigDocument {
     shown: Vec<f64>,
     /// Fraction of the arm's joints that each camera shows, over random postures.
     arm_shown: Vec<f64>,
-    /// Standard deviation along each axis of the position at the catch, predicted at the decision: median and 90 %.
+    /// Standard deviation along each axis of the position at the catch, predicted at the decision: median and
+    /// 90 %.
     decision_sd_median_m: f64,
     decision_sd_90_m: f64,
     /// The same when the fingers begin to close.

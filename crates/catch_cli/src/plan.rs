@@ -197,7 +197,8 @@ fn figures(planner: &PosedPlanner, start: &Start, case: &PlannerCase, plan: &Pos
     }
 }
 
-/// Positions and velocities are largest where the next derivative vanishes or at a knot; accelerations at knots.
+/// Positions and velocities are largest where the next derivative vanishes or at a knot; accelerations at
+/// knots.
 fn limit_ratio(robot: &Robot, plan: &PosedCatch) -> LimitRatio {
     let spline = &plan.spline;
     let mut most = LimitRatio { position: 0.0, velocity: 0.0, acceleration: 0.0, torque: 0.0 };

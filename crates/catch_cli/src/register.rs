@@ -32,7 +32,8 @@ pub struct RegisterArguments {
     /// Cloud in which the object is looked for: .ply, .pcd or .xyz
     #[arg(long, value_name = "FILE")]
     cloud: PathBuf,
-    /// What the object looks like: a cloud, an .obj, .stl or .ply mesh, or an object as `catch --object` takes it
+    /// What the object looks like: a cloud, an .obj, .stl or .ply mesh, or an object as `catch --object`
+    /// takes it
     #[arg(long, value_name = "NAME|FILE")]
     reference: PathBuf,
     /// How far off the cloud's points are, as a standard deviation; without it any residual counts as noise
@@ -53,8 +54,8 @@ struct PoseDocument {
 #[allow(non_snake_case)]
 struct Document {
     version: &'static str,
-    /// `registered`, `degenerate` where other poses explain the cloud as well, `implausible` where its stated noise does not explain how far
-    /// the points are off, or what was missing.
+    /// `registered`, `degenerate` where other poses explain the cloud as well, `implausible` where its stated
+    /// noise does not explain how far the points are off, or what was missing.
     status: serde_json::Value,
     X_CR: Option<PoseDocument>,
     /// Inverse covariance of (rotation vector, position) in the cloud's axes.

@@ -1,5 +1,5 @@
-//! What appears on the terminal. Colours only where the output is a terminal; results on standard output, faults on standard
-//! error.
+//! What appears on the terminal. Colours only where the output is a terminal; results on standard output,
+//! faults on standard error.
 
 use std::{
     io::{self, IsTerminal, Write},
@@ -29,7 +29,8 @@ pub const FAINT: Style = Style::new().dimmed();
 /// Width of the column of labels.
 const LABEL_WIDTH: usize = 24;
 
-/// What is said when somebody presses Ctrl-C, which then ends the program as ever. Once is enough: what is said stays.
+/// What is said when somebody presses Ctrl-C, which then ends the program as ever. Once is enough: what is
+/// said stays.
 pub fn at_interrupt(said: String) {
     let pressed = Arc::new(AtomicBool::new(false));
     let is_pressed = pressed.clone();
@@ -51,8 +52,8 @@ const LOOKS_EVERY: Duration = Duration::from_millis(50);
 /// Exit code of a program that an interrupt ended: 128 and the signal's number.
 const INTERRUPTED: i32 = 130;
 
-/// A command line of this program that can be pasted into a shell: as the program was called, its arguments quoted where they
-/// need it.
+/// A command line of this program that can be pasted into a shell: as the program was called, its arguments
+/// quoted where they need it.
 pub fn command(arguments: &[&str]) -> String {
     // cargo sets this for what it runs, whose file is on no search path.
     let by_cargo = std::env::var_os("CARGO_MANIFEST_DIR").is_some();
@@ -152,7 +153,8 @@ pub fn error(message: &str) {
 /// The styles of this program, as a terminal is told them.
 const STYLES: [&str; 5] = ["\x1b[0m", "\x1b[1m", "\x1b[2m", "\x1b[31m", "\x1b[32m"];
 
-/// A text in which nothing but this program's own styles commands a terminal: what files say is shown, not obeyed.
+/// A text in which nothing but this program's own styles commands a terminal: what files say is shown, not
+/// obeyed.
 fn harmless(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     let mut rest = text;

@@ -65,7 +65,8 @@ pub fn run(arguments: &EvalArguments, name: &str) -> anyhow::Result<()> {
     tell(&outline, &steps, arguments.first, arguments.json, out)
 }
 
-/// The trials of a step, summed up, those that are missing in its folder being run. They are shared among its throws.
+/// The trials of a step, summed up, those that are missing in its folder being run. They are shared among its
+/// throws.
 fn summary_of(
     arguments: &EvalArguments,
     study: &Study,

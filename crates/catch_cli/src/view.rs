@@ -25,7 +25,8 @@ use crate::screen;
 /// Arguments of `view`.
 #[derive(Debug, Args)]
 pub struct ViewArguments {
-    /// A recording (*.catch) of a simulated throw or of a real cell, a page, or a folder of results with a report
+    /// A recording (*.catch) of a simulated throw or of a real cell, a page, or a folder of results with a
+    /// report
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Write the page and print its path, but open no browser

@@ -1,5 +1,5 @@
-//! The paper as its authors ran it: Table I by the paper's own method, what each of its assumptions was worth, and the same method
-//! under the arm's real limits.
+//! The paper as its authors ran it: Table I by the paper's own method, what each of its assumptions was
+//! worth, and the same method under the arm's real limits.
 
 use anyhow::{Context, Result};
 use catch_lab::{
@@ -237,8 +237,8 @@ fn drive(scenario: &str, cell: &RerunCell, verdicts: &[Verdict]) -> Vec<Entry> {
 mod tests {
     use super::*;
 
-    /// What the page compares with is what was published and what was measured of the authors' code: 65, 58 and 49 of 81, and around
-    /// the throws 42, 36 and 34 of 48.
+    /// What the page compares with is what was published and what was measured of the authors' code: 65, 58
+    /// and 49 of 81, and around the throws 42, 36 and 34 of 48.
     #[test]
     fn the_reruns_have_81_and_48_trials() {
         let Rerun { cell, around } = toml::from_str(include_str!("rerun.toml")).unwrap();

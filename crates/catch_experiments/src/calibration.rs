@@ -175,7 +175,8 @@ fn setup(condition: Condition) -> Result<Setup> {
     Ok(Setup::load(&Choice { scenario: Some("honest"), settings: &settings, ..Choice::default() })?)
 }
 
-/// One draw of where the cameras are believed to stand: a session, and what is found from it in each condition.
+/// One draw of where the cameras are believed to stand: a session, and what is found from it in each
+/// condition.
 fn draw(setup: &Setup, conditions: &[Condition], seed: u64, index: u64) -> Drawn {
     let mut draws = Draws::new(Stream::Calibration, seed, index);
     let guesses: Vec<CameraModel> = setup.cameras.iter().map(|camera| guess(camera, &mut draws)).collect();

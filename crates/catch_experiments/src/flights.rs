@@ -1,5 +1,5 @@
-//! Pose estimation and flight prediction in the arena: the brain sees the first 200 ms of a throw, and its poses and predictions are
-//! compared with the truth.
+//! Pose estimation and flight prediction in the arena: the brain sees the first 200 ms of a throw, and its
+//! poses and predictions are compared with the truth.
 
 use anyhow::Result;
 use catch_cell::{Brain, Cell, Command, Observation, PixelWindow};

@@ -1,7 +1,7 @@
 //! Experiments: what is measured and asserted by no test, written to `docs/results/`.
 //!
-//! `cargo run --release -p catch_experiments -- NAME [--seed S] [--trials N]` runs one in the arena, with the arena's own cameras,
-//! and writes `docs/results/NAME.md` and `docs/results/NAME.json`; `list` lists them.
+//! `cargo run --release -p catch_experiments -- NAME [--seed S] [--trials N]` runs one in the arena, with the
+//! arena's own cameras, and writes `docs/results/NAME.md` and `docs/results/NAME.json`; `list` lists them.
 
 mod ablation;
 mod arms;

@@ -1,4 +1,5 @@
-//! What a wrong belief costs: one figure of the brain's knowledge wrong at a time, on the same throws as with the right one.
+//! What a wrong belief costs: one figure of the brain's knowledge wrong at a time, on the same throws as with
+//! the right one.
 
 use std::{fs, path::PathBuf};
 
@@ -173,7 +174,8 @@ fn each_sheet(setup: &mut Setup, change: impl Fn(&mut catch_cell::DataSheet)) {
     setup.cameras.iter_mut().filter_map(|it| it.sheet.as_mut()).for_each(change);
 }
 
-/// Moves the centre of mass along the object's longest axis; the scan is taken anew, from the same places beside the object.
+/// Moves the centre of mass along the object's longest axis; the scan is taken anew, from the same places
+/// beside the object.
 fn move_centre_of_mass(setup: &mut Setup, by_m: f64) {
     let size = setup.object.mesh.aabb().size;
     let mut to_com = Vector3::zeros();

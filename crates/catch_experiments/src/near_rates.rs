@@ -25,8 +25,9 @@ pub fn rigs() -> impl Iterator<Item = String> {
     (1..=4).map(|cameras| format!("d435_{cameras}"))
 }
 
-/// What near cameras change of the scenario honest: they run freely, without labels, calibrated to what calibration on the arm leaves. Where the
-/// object flies is known late, so corrections take what reach single joints have left.
+/// What near cameras change of the scenario honest: they run freely, without labels, calibrated to what
+/// calibration on the arm leaves. Where the object flies is known late, so corrections take what reach single
+/// joints have left.
 pub const SETTINGS: [&str; 8] = [
     "camera=d435",
     "arena.free_running_cameras=true",

@@ -1,4 +1,5 @@
-//! Objects that others scanned or modelled: fetched, imported by one command each, and thrown in the scenario `honest`.
+//! Objects that others scanned or modelled: fetched, imported by one command each, and thrown in the scenario
+//! `honest`.
 
 use std::{
     collections::BTreeMap,
@@ -280,8 +281,8 @@ impl Outcome {
     }
 }
 
-/// How far the angular velocity was off when the object had been seen for a while and nothing had touched it; of objects whose rotation can be
-/// seen.
+/// How far the angular velocity was off when the object had been seen for a while and nothing had touched it;
+/// of objects whose rotation can be seen.
 fn spin_error_radps(setup: &Setup, trial: &Trial, verdict: &Verdict) -> Option<f64> {
     if !matches!(setup.known().reference().symmetry, Symmetry::Finite { .. }) {
         return None;

@@ -20,7 +20,8 @@ ticks that find the object without a prediction. An *update* is perception and p
 /// What an update of a tracked object consists of.
 const UPDATE: [&str; 2] = ["perception", "trajectory_prediction"];
 
-/// CPU time of this thread in milliseconds, which other programs hardly disturb; not a number where it cannot be told.
+/// CPU time of this thread in milliseconds, which other programs hardly disturb; not a number where it cannot
+/// be told.
 pub fn cpu_ms() -> f64 {
     #[cfg(unix)]
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
@@ -49,7 +50,8 @@ fn near() -> Condition {
     Condition { labels: vec!["two near cameras of 848×480", "no"], scenario: "honest", throws: &["random"], settings }
 }
 
-/// Each stage by depth noise, with labels and without; one throw after the other, so that none shares a core with another.
+/// Each stage by depth noise, with labels and without; one throw after the other, so that none shares a core
+/// with another.
 pub fn run(options: &Options) -> Result<Findings> {
     let columns = ["noise", "labels", "object", "stage", "ticks", "p50, ms", "p99, ms", "max, ms"];
     let mut table = Table::new("By noise", &columns);

@@ -19,8 +19,8 @@ const MARGIN_M: f64 = 1e-6;
 
 /// Capsules that hold a surface between them, at most [`MOST_CAPSULES`]: each triangle is inside one of them.
 ///
-/// A capsule is convex, so that it holds a triangle as soon as it holds its corners. Triangles are divided by planes across the
-/// principal axes as long as that saves volume.
+/// A capsule is convex, so that it holds a triangle as soon as it holds its corners. Triangles are divided by
+/// planes across the principal axes as long as that saves volume.
 pub fn enclosing_capsules(surface: &TriangleMesh) -> Vec<Capsule> {
     let all: Vec<[Point3<f64>; 3]> = surface.all_corners().collect();
     let Some(whole) = Part::of(all) else { return Vec::new() };
@@ -46,8 +46,9 @@ pub fn enclosing_capsules(surface: &TriangleMesh) -> Vec<Capsule> {
 
 /// A small capsule that holds all points, `None` without any.
 ///
-/// Its axis is the best of the coordinate axes, the principal axes and directions that a pattern search finds from the best of
-/// these; for an axis the circle around the points across it and the hemispheres at both ends follow.
+/// Its axis is the best of the coordinate axes, the principal axes and directions that a pattern search finds
+/// from the best of these; for an axis the circle around the points across it and the hemispheres at both
+/// ends follow.
 pub fn enclosing_capsule(points: &[Point3<f64>]) -> Option<Capsule> {
     let outermost = few(points, DIRECTIONS);
     let centre = centroid(&outermost)?;
@@ -110,7 +111,8 @@ impl Part {
     }
 }
 
-/// A capsule along the best of the first directions; its volume tells which of two partitions is the better one.
+/// A capsule along the best of the first directions; its volume tells which of two partitions is the better
+/// one.
 fn rough(points: &[Point3<f64>]) -> Option<Capsule> {
     let some = few(points, FEW_DIRECTIONS);
     let capsules = starts(&some, &centroid(&some)?).into_iter().map(|axis| along(&some, axis).1);
@@ -144,8 +146,8 @@ fn few(points: &[Point3<f64>], directions: usize) -> Vec<Point3<f64>> {
     chosen.into_iter().map(|i| points[i]).collect()
 }
 
-/// Indices of the points that lie farthest in so many directions, evenly spread over the sphere (a Fibonacci lattice). A point may
-/// be the farthest in several.
+/// Indices of the points that lie farthest in so many directions, evenly spread over the sphere (a Fibonacci
+/// lattice). A point may be the farthest in several.
 fn outermost(points: &[Point3<f64>], directions: usize) -> impl Iterator<Item = usize> {
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     (0..directions).filter_map(move |i| {
@@ -163,7 +165,8 @@ fn perpendicular(axis: &Unit<Vector3<f64>>) -> (Vector3<f64>, Vector3<f64>) {
     (u, axis.cross(&u))
 }
 
-/// The capsule along `axis` that holds all points, as short as the radius of its circle allows, or a little wider and shorter.
+/// The capsule along `axis` that holds all points, as short as the radius of its circle allows, or a little
+/// wider and shorter.
 fn along(points: &[Point3<f64>], axis: Unit<Vector3<f64>>) -> (Unit<Vector3<f64>>, Capsule) {
     let (u, v) = perpendicular(&axis);
     let across: Vec<Vector2<f64>> =
@@ -187,8 +190,8 @@ fn along(points: &[Point3<f64>], axis: Unit<Vector3<f64>>) -> (Unit<Vector3<f64>
     (axis, best.unwrap_or_else(|| with_radius(least.max(1e-3))))
 }
 
-/// A small circle around points: centre and radius. Steps towards the farthest point, ever shorter, approach the smallest circle
-/// (Badoiu & Clarkson, Smaller core-sets for balls, 2003).
+/// A small circle around points: centre and radius. Steps towards the farthest point, ever shorter, approach
+/// the smallest circle (Badoiu & Clarkson, Smaller core-sets for balls, 2003).
 fn circle(points: &[Vector2<f64>]) -> (Vector2<f64>, f64) {
     let farthest = |centre: &Vector2<f64>| {
         let distances = points.iter().map(|point| ((point - centre).norm(), *point));

@@ -162,8 +162,8 @@ fn notes_of_object(asset: &Asset) -> Vec<String> {
     )]
 }
 
-/// A robot may be called by its folder or its URDF, an object by its folder or its `known.toml`; what is checked is the file that says
-/// most, and what that stands beside.
+/// A robot may be called by its folder or its URDF, an object by its folder or its `known.toml`; what is
+/// checked is the file that says most, and what that stands beside.
 fn described_file(path: &Path) -> PathBuf {
     let (robot, object) = ("robot.toml", "truth.toml");
     if path.is_dir() {

@@ -13,7 +13,8 @@ use crate::surface_file::{PlyFile, triangles_from_bytes};
 /// Points and, where the file has them, the surface's outward normals there.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CloudFile {
-    /// Places in metres; those that are not finite, as sensors write them for what they did not see, are left out.
+    /// Places in metres; those that are not finite, as sensors write them for what they did not see, are left
+    /// out.
     pub points: Vec<Point3<f64>>,
     /// One normal per point.
     pub normals: Option<Vec<Vector3<f64>>>,
@@ -22,8 +23,8 @@ pub struct CloudFile {
 /// Spacing of the points that are laid upon a mesh, in metres.
 const MESH_SPACING_M: f64 = 0.001;
 
-/// Reads a cloud by its extension: `.ply`, `.pcd`, `.xyz`, `.txt` or `.csv`; with `meshes` also `.obj`, `.stl` and `.ply` with
-/// faces, on whose surface points are laid.
+/// Reads a cloud by its extension: `.ply`, `.pcd`, `.xyz`, `.txt` or `.csv`; with `meshes` also `.obj`,
+/// `.stl` and `.ply` with faces, on whose surface points are laid.
 ///
 /// # Errors
 /// A file that cannot be read, that is not what its extension says or that has no point.
@@ -364,7 +365,8 @@ fn parse_pcd(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
     }
 }
 
-/// Lines of x y z; what follows on a line, such as a colour, is left out, and one line of words may stand above.
+/// Lines of x y z; what follows on a line, such as a colour, is left out, and one line of words may stand
+/// above.
 fn parse_xyz(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
     let mut cloud = CloudFile::default();
     let text = String::from_utf8_lossy(bytes);

@@ -43,7 +43,8 @@ pub struct Registration {
     pub information: Option<Matrix6<f64>>,
     /// Distance of the points from the reference's surface, in metres.
     pub residual_m: Option<f64>,
-    /// Under what the reference looks the same: `none`, `half_turn`, `finite` (another finite group), `axis` or `sphere`.
+    /// Under what the reference looks the same: `none`, `half_turn`, `finite` (another finite group), `axis`
+    /// or `sphere`.
     pub symmetry: &'static str,
 }
 
@@ -94,7 +95,8 @@ pub fn register(points: &[Point3<f64>], noise_m: f64, reference: &ReferenceModel
     }
 }
 
-/// Brings a reference onto a cloud of points, each with the same standard deviation in metres along every axis; all orientations are tried.
+/// Brings a reference onto a cloud of points, each with the same standard deviation in metres along every
+/// axis; all orientations are tried.
 fn register_cloud(
     points: &[Point3<f64>],
     noise_m: f64,
@@ -148,7 +150,8 @@ fn scene<'a>(points: impl Iterator<Item = &'a Point3<f64>>) -> SceneCloud {
     scene
 }
 
-/// How far a reference's own points are from its surface, which is smooth and on a grid: what even a cloud without noise leaves.
+/// How far a reference's own points are from its surface, which is smooth and on a grid: what even a cloud
+/// without noise leaves.
 fn model_sd_m(reference: &ReferenceModel) -> f64 {
     let step = reference.scanned.len().div_ceil(MOST_COMPARED).max(1);
     let (mut squares_m2, mut count) = (0.0, 0.0);
@@ -180,8 +183,8 @@ const ANCHORS: usize = 14;
 /// Tried poses that are compared.
 const FINALISTS: usize = 12;
 
-/// The surface of a reference: that of an object by name or file, about its centre of mass, or of a cloud or mesh. `asked_by` is the file and
-/// field that name it.
+/// The surface of a reference: that of an object by name or file, about its centre of mass, or of a cloud or
+/// mesh. `asked_by` is the file and field that name it.
 ///
 /// # Errors
 /// A file that cannot be read or that is not what its extension says.

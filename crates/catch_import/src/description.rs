@@ -1,7 +1,7 @@
 //! A robot's description as others publish it: a tree of links and joints of any kind, with gaps.
 //!
-//! [`Description`] holds what a file says, [`Chain`] the serial arm within it: fixed joints folded, fingers taken off. Nothing is
-//! made up here; what a file does not say is `None`.
+//! [`Description`] holds what a file says, [`Chain`] the serial arm within it: fixed joints folded, fingers
+//! taken off. Nothing is made up here; what a file does not say is `None`.
 
 mod arm_in_tree;
 mod chain;
@@ -206,7 +206,8 @@ impl Geometry {
         Some(Inertia { mass, com: nalgebra::Point3::origin(), about_com }.transformed(&self.X_LS))
     }
 
-    /// The surface in the link's frame; `None` for a mesh, which is in a file of its own. Circles become polygons around them.
+    /// The surface in the link's frame; `None` for a mesh, which is in a file of its own. Circles become
+    /// polygons around them.
     pub fn surface(&self) -> Option<TriangleMesh> {
         // So that the polygon's sides touch the circle.
         let wider = 1.0 / libm::cos(std::f64::consts::PI / f64::from(SIDES));

@@ -24,7 +24,8 @@ fn notes_of_margins(gripper: &Gripper, grasping: &grasp_selection::Config) -> Ve
     let two_state = gripper.drive.control == DriveControl::TwoState;
     let travel_m = 2.0 * finger_margin_m;
     let closing_ms = (closing.duration_s(travel_m) + gripper.drive.latency_s) * 1e3;
-    // To the palm and back the object is between the fingers for 2·l/v; meanwhile they have to close by what is free beside it.
+    // To the palm and back the object is between the fingers for 2·l/v; meanwhile they have to close by what
+    // is free beside it.
     let depth_m = gripper.fingertip_y_m() - gripper.palm_y_m();
     let fastest_mps = 2.0 * depth_m * closing.speed_mps / (2.0 * approach_margin_m);
     let mut notes = vec![

@@ -1,8 +1,8 @@
-//! The surface where a signed distance is zero, by marching tetrahedra (Doi and Koide, An efficient method of triangulating equi-valued
-//! surfaces by using tetrahedral cells, 1991).
+//! The surface where a signed distance is zero, by marching tetrahedra (Doi and Koide, An efficient method of
+//! triangulating equi-valued surfaces by using tetrahedral cells, 1991).
 //!
-//! Each cube of a grid is cut into six tetrahedra around one diagonal, the same in all cubes, so that faces of neighbours match and
-//! the surface is closed.
+//! Each cube of a grid is cut into six tetrahedra around one diagonal, the same in all cubes, so that faces
+//! of neighbours match and the surface is closed.
 
 use std::collections::HashMap;
 
@@ -18,8 +18,9 @@ const LEAST_FRACTION: f64 = 1e-3;
 const TETRAHEDRA: [[usize; 4]; 6] =
     [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
 
-/// The surface in a box where `distance_m`, negative inside, is zero; `spacing_m` is the edge of the grid's cubes, which is made coarser
-/// where there would be too many. Where the inside leaves the box the surface is cut off there.
+/// The surface in a box where `distance_m`, negative inside, is zero; `spacing_m` is the edge of the grid's
+/// cubes, which is made coarser where there would be too many. Where the inside leaves the box the surface is
+/// cut off there.
 pub fn isosurface(bounds: &Cuboid, spacing_m: f64, distance_m: impl Fn(&Point3<f64>) -> f64) -> TriangleMesh {
     let cubes = bounds.size.map(|it| (it / spacing_m).ceil() + 3.0).product();
     let spacing_m = spacing_m * libm::cbrt(cubes / MOST_NODES).max(1.0);

@@ -5,11 +5,11 @@ use std::path::{Component, Path, PathBuf};
 /// Folders above a description in which a package is looked for.
 const MOST_FOLDERS_UP: usize = 12;
 
-/// The file that `named` means in the description `file`: `package://PACKAGE/PATH`, `model://…`, `file://PATH`, or a path relative to the
-/// description.
+/// The file that `named` means in the description `file`: `package://PACKAGE/PATH`, `model://…`,
+/// `file://PATH`, or a path relative to the description.
 ///
-/// A package is the nearest folder of its name, or the nearest with a `package.xml` that names it, among the folders above the
-/// description and those beside them.
+/// A package is the nearest folder of its name, or the nearest with a `package.xml` that names it, among the
+/// folders above the description and those beside them.
 pub fn resolve(file: &Path, named: &str) -> Option<PathBuf> {
     let folder = file.parent().unwrap_or(Path::new(""));
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };

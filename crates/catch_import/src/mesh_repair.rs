@@ -195,7 +195,8 @@ struct Welded {
 }
 
 impl Welded {
-    /// Welds vertices that lie within a tolerance; the file has `distinct` different ones, zero if that is not known yet.
+    /// Welds vertices that lie within a tolerance; the file has `distinct` different ones, zero if that is
+    /// not known yet.
     fn new(soup: &TriangleMesh, tolerance_m: f64, distinct: usize) -> Self {
         let (of_vertex, vertices) = places(&soup.vertices, tolerance_m);
         let merged = distinct.saturating_sub(vertices.len());
@@ -210,7 +211,8 @@ impl Welded {
     }
 }
 
-/// For each point the number of its place, and the places: points within `tolerance_m` of an earlier place are there.
+/// For each point the number of its place, and the places: points within `tolerance_m` of an earlier place
+/// are there.
 fn places(points: &[Point3<f64>], tolerance_m: f64) -> (Vec<u32>, Vec<Point3<f64>>) {
     // Along a direction that is no edge of anything few points lie side by side.
     let along = Vector3::new(0.374_1, 0.541_3, 0.752_9);
@@ -242,7 +244,8 @@ fn places(points: &[Point3<f64>], tolerance_m: f64) -> (Vec<u32>, Vec<Point3<f64
     (of_point.collect(), kept)
 }
 
-/// Triangles with three corners, each once; a surface that is there from both sides everywhere is kept from one.
+/// Triangles with three corners, each once; a surface that is there from both sides everywhere is kept from
+/// one.
 fn without_doubles(mut triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
     triangles.retain(|[a, b, c]| a != b && b != c && c != a);
     // Corners in rising order, and whether an odd permutation leads there.
@@ -289,7 +292,8 @@ fn unbalanced(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
     Edges::of(triangles).groups().filter(is_unbalanced).map(|it| (it[0].0, it[0].1)).collect()
 }
 
-/// Turns triangles so that neighbours face the same way; for each the number of its shell, and how many were turned.
+/// Turns triangles so that neighbours face the same way; for each the number of its shell, and how many were
+/// turned.
 ///
 /// Neighbours share an edge that no third triangle has. Of each shell the smaller part is turned.
 fn orient(triangles: &mut [[u32; 3]]) -> (Vec<u32>, usize) {

@@ -1,7 +1,8 @@
-//! Makes an object of this project from what people have: a mesh, a point cloud or the depth images of a scan, or the link of a description in SDF or URDF.
+//! Makes an object of this project from what people have: a mesh, a point cloud or the depth images of a
+//! scan, or the link of a description in SDF or URDF.
 //!
-//! The surface is repaired where that is safe, its unit is guessed where no file says it, and mass properties that no body of
-//! that shape can have are left out. Each of these is told.
+//! The surface is repaired where that is safe, its unit is guessed where no file says it, and mass properties
+//! that no body of that shape can have are left out. Each of these is told.
 
 mod depth_images;
 mod draft;
@@ -54,7 +55,8 @@ pub struct ImportedObject {
 
 /// Holes are filled up to this fraction of the longest side.
 const LARGEST_HOLE: f64 = 0.15;
-/// Triangles of an object; more take long to cut into convex parts, and show nothing that a camera in the room could see.
+/// Triangles of an object; more take long to cut into convex parts, and show nothing that a camera in the
+/// room could see.
 const MOST_TRIANGLES: usize = 30_000;
 /// Units of length that a mesh may be in, with metres per unit; the first that makes something to throw.
 const UNITS: [(&str, f64); 4] = [("metres", 1.0), ("millimetres", 1e-3), ("centimetres", 1e-2), ("inches", 0.0254)];
@@ -65,7 +67,8 @@ impl ImportedObject {
     /// Reads what `path` names, a file or a folder, for an object file of the name `stem`.
     ///
     /// # Errors
-    /// What is wrong with the files or the options; defects of the surface that cannot be repaired, with their places.
+    /// What is wrong with the files or the options; defects of the surface that cannot be repaired, with
+    /// their places.
     pub fn read(path: &Path, stem: &str, options: &ImportOptions) -> Result<Self, InputError> {
         if let Some(scale) = options.scale {
             quantity::SCALE.check(COMMAND_LINE, "--scale", scale)?;

@@ -1,7 +1,8 @@
-//! Makes a robot of this project from a description that somebody else published: `robot.urdf` and `robot.toml`.
+//! Makes a robot of this project from a description that somebody else published: `robot.urdf` and
+//! `robot.toml`.
 //!
-//! The serial arm is found and its fixed joints are folded, capsules are fitted to its shapes, and what the description lacks is filled in
-//! and marked as assumed, with the reason.
+//! The serial arm is found and its fixed joints are folded, capsules are fitted to its shapes, and what the
+//! description lacks is filled in and marked as assumed, with the reason.
 
 mod draft;
 mod geometry;
@@ -73,7 +74,8 @@ impl ImportedRobot {
     /// Reads the description in `file`; the gripper is what the arm is to carry.
     ///
     /// # Errors
-    /// What is wrong with the description or with the options: no serial arm, more than one, numbers out of their ranges.
+    /// What is wrong with the description or with the options: no serial arm, more than one, numbers out of
+    /// their ranges.
     pub fn read(file: &Path, options: &ImportOptions, gripper: &Gripper) -> Result<Self, InputError> {
         let name = file.display().to_string();
         let text = FileKind::text("a description of a robot, URDF").read_text(file)?;
@@ -161,7 +163,8 @@ impl ImportedRobot {
         &self.draft.shapes
     }
 
-    /// Whether the shapes of all links were read and each of their triangles is inside a capsule, and a sentence that says so.
+    /// Whether the shapes of all links were read and each of their triangles is inside a capsule, and a
+    /// sentence that says so.
     pub fn coverage(&self) -> (bool, String) {
         let all = self.shapes().len();
         let read: Vec<&BodyShape> = self.shapes().iter().filter(|it| !it.surface.triangles.is_empty()).collect();
@@ -318,8 +321,8 @@ fn lighten(draft: &mut Draft, robot: &Robot, gripper: &Gripper) -> bool {
     true
 }
 
-/// Where the gripper is mounted: the back of its housing at the flange, or in front of the last link's shape where the description has
-/// no frame for it.
+/// Where the gripper is mounted: the back of its housing at the flange, or in front of the last link's shape
+/// where the description has no frame for it.
 fn mount(chain: &Chain, shapes: &[BodyShape], gripper: &Gripper) -> Stated<catch_body::Pose> {
     let X_LG = chain.X_LF * chain.X_FG() * Translation3::new(0.0, gripper.palm_y_m(), 0.0);
     if chain.has_flange {

@@ -1,4 +1,5 @@
-//! Calibrations as ROS keeps them: `camera_info` YAML of a camera's intrinsics, and results of `easy_handeye2`.
+//! Calibrations as ROS keeps them: `camera_info` YAML of a camera's intrinsics, and results of
+//! `easy_handeye2`.
 //!
 //! Whatever changes what a pixel means, or in which frames a pose is, is read or refused.
 
@@ -85,7 +86,8 @@ fn read(path: &Path, what: &'static str) -> Result<(String, String), InputError>
 /// The intrinsics in a `camera_info` YAML file, of a camera at the world's origin.
 ///
 /// # Errors
-/// A file that cannot be read, a field that is missing, pixels that are not square, or images that are not rectified.
+/// A file that cannot be read, a field that is missing, pixels that are not square, or images that are not
+/// rectified.
 pub fn read_camera_info(path: &Path) -> Result<CameraModel, InputError> {
     let (file, text) = read(path, "a readable camera_info YAML file")?;
     camera_info(&file, &text)

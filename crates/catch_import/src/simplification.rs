@@ -6,17 +6,19 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use catch_body::TriangleMesh;
 
-/// A vertex stays this near to the middle of its cell where the planes around it leave it free, as a weight against theirs.
+/// A vertex stays this near to the middle of its cell where the planes around it leave it free, as a weight
+/// against theirs.
 const STAYS: f64 = 1e-2;
 /// Edges of cells that are tried, each so much longer than the last.
 const GROWTH: f64 = 1.25;
 const MOST_TRIALS: usize = 20;
 
-/// The same surface with at most `most` triangles, and the edge in metres of the cells in which vertices became one; `None` if it has no
-/// more anyway.
+/// The same surface with at most `most` triangles, and the edge in metres of the cells in which vertices
+/// became one; `None` if it has no more anyway.
 ///
-/// Vertices in one cube of a grid become one, where the squared distances from the planes of their triangles are least, so that sharp
-/// edges stay (Lindstrom, Out-of-core simplification of large polygonal models, 2000). A closed surface stays closed.
+/// Vertices in one cube of a grid become one, where the squared distances from the planes of their triangles
+/// are least, so that sharp edges stay (Lindstrom, Out-of-core simplification of large polygonal models,
+/// 2000). A closed surface stays closed.
 pub fn simplified(mesh: &TriangleMesh, most: usize) -> Option<(TriangleMesh, f64)> {
     if mesh.triangles.len() <= most {
         return None;

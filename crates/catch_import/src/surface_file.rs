@@ -11,12 +11,14 @@ use nalgebra::Point3;
 
 pub use ply::PlyFile;
 
-/// Reads a surface in the unit of its file, or in metres where that states its unit; nothing is asked of it but finite vertices.
+/// Reads a surface in the unit of its file, or in metres where that states its unit; nothing is asked of it
+/// but finite vertices.
 ///
 /// The extension of `file` says which format the bytes have: `.obj`, `.stl` or `.dae` (COLLADA).
 ///
 /// # Errors
-/// If the bytes are not a mesh of that format, or have no triangle, numbers that are not finite or indices without a vertex.
+/// If the bytes are not a mesh of that format, or have no triangle, numbers that are not finite or indices
+/// without a vertex.
 pub fn surface_from_bytes(file: &str, bytes: &[u8]) -> Result<TriangleMesh, InputError> {
     if bytes.len() > MAX_FILE_BYTES {
         let expected = format!("a mesh file of at most {} MiB", MAX_FILE_BYTES >> 20);
@@ -32,13 +34,15 @@ pub fn surface_from_bytes(file: &str, bytes: &[u8]) -> Result<TriangleMesh, Inpu
     Ok(surface)
 }
 
-/// Reads the triangles of each group of an OBJ file as they stand there, in its unit or in metres where it states one: nothing is welded,
-/// nothing repaired. Other files are one group.
+/// Reads the triangles of each group of an OBJ file as they stand there, in its unit or in metres where it
+/// states one: nothing is welded, nothing repaired. Other files are one group.
 ///
-/// The extension of `file` says which format the bytes have: `.obj`, `.stl`, `.ply` or `.dae` (COLLADA). The caller limits their number.
+/// The extension of `file` says which format the bytes have: `.obj`, `.stl`, `.ply` or `.dae` (COLLADA). The
+/// caller limits their number.
 ///
 /// # Errors
-/// If the bytes are not a mesh of that format, or have no triangle, numbers that are not finite or indices without a vertex.
+/// If the bytes are not a mesh of that format, or have no triangle, numbers that are not finite or indices
+/// without a vertex.
 pub fn triangles_from_bytes(file: &str, bytes: &[u8]) -> Result<Vec<TriangleMesh>, InputError> {
     let groups = if extension(file) == "ply" {
         let PlyFile { vertices, triangles, .. } = PlyFile::from_bytes(file, bytes)?;

@@ -28,8 +28,8 @@ const STUDY: &str = include_str!("templates/study.toml");
 /// A file: its name, and its content.
 pub type NewFile = (String, String);
 
-/// The files of a new thing of a kind, all of them right as they are: from a template, a scenario from the one that is meant when none is
-/// named, a robot from that scenario, too.
+/// The files of a new thing of a kind, all of them right as they are: from a template, a scenario from the
+/// one that is meant when none is named, a robot from that scenario, too.
 ///
 /// # Errors
 /// A name that cannot be a file's.
@@ -70,7 +70,8 @@ fn check_name(name: &str) -> Result<(), InputError> {
     Err(InputError::new(COMMAND_LINE, "NAME", format!("`{name}`"), "letters, digits, `_` and `-`"))
 }
 
-/// A track of a ball that flies through the air, seen a hundred times a second with 2 mm of noise, one sighting in ten far off.
+/// A track of a ball that flies through the air, seen a hundred times a second with 2 mm of noise, one
+/// sighting in ten far off.
 ///
 /// # Errors
 /// A name that cannot be a file's.

@@ -1,7 +1,8 @@
-//! Robots, grippers, workcells, objects, throws, cameras, rigs of them, scenarios and studies: those that are built in, and the user's files.
+//! Robots, grippers, workcells, objects, throws, cameras, rigs of them, scenarios and studies: those that are
+//! built in, and the user's files.
 //!
-//! Wherever something is named, a built-in name or the path of a file may stand. A file refers to others by built-in names or
-//! by paths relative to itself.
+//! Wherever something is named, a built-in name or the path of a file may stand. A file refers to others by
+//! built-in names or by paths relative to itself.
 
 use std::{
     fmt::Display,
@@ -280,7 +281,8 @@ impl Asset {
         ThrownObject::from_toml(&self.file, &self.text, &|name| Ok(self.read_beside(name)?.1))
     }
 
-    /// The brain's knowledge of the object that this file describes: of `known.toml` beside a `truth.toml`, or of the file's own table.
+    /// The brain's knowledge of the object that this file describes: of `known.toml` beside a `truth.toml`,
+    /// or of the file's own table.
     ///
     /// # Errors
     /// A fault in that file, or a table of knowledge within `truth.toml`, which nobody would read.

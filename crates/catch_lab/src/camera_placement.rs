@@ -1,14 +1,16 @@
 //! Where to put cameras: poses that tell most about flights by the time when the catch is decided.
 //!
-//! A measure of rigs, and a search for the rig that is best by it. For each of many throws of a scenario every image until the decision
-//! tells something about the flight, if it shows the object: neither its border nor the waiting arm hides it. The flight is a parabola with
-//! an unknown position and velocity at the catch. Each image adds the information Jᵀ·W·J with J = \[I, (t − t_c)·I\] and W the inverse
-//! covariance of a position that one image measures: the data sheet's noise along the optical axis, [`LATERAL_PX`] across it. The
-//! covariance of the position at the catch is a block of the inverse of the sum. The catch is where the flight is nearest to the base's axis.
-//! What counts is the deviation at two times: when the catch is decided, and when the fingers begin to close.
+//! A measure of rigs, and a search for the rig that is best by it. For each of many throws of a scenario
+//! every image until the decision tells something about the flight, if it shows the object: neither its
+//! border nor the waiting arm hides it. The flight is a parabola with an unknown position and velocity at the
+//! catch. Each image adds the information Jᵀ·W·J with J = \[I, (t − t_c)·I\] and W the inverse covariance of
+//! a position that one image measures: the data sheet's noise along the optical axis, [`LATERAL_PX`] across
+//! it. The covariance of the position at the catch is a block of the inverse of the sum. The catch is where
+//! the flight is nearest to the base's axis. What counts is the deviation at two times: when the catch is
+//! decided, and when the fingers begin to close.
 //!
-//! Cameras are calibrated on the arm, so that only those are chosen which show enough of it. The search is greedy and then exchanges
-//! cameras as long as that helps (Fedorov, Theory of optimal experiments, 1972).
+//! Cameras are calibrated on the arm, so that only those are chosen which show enough of it. The search is
+//! greedy and then exchanges cameras as long as that helps (Fedorov, Theory of optimal experiments, 1972).
 
 mod arm_view;
 
@@ -19,7 +21,8 @@ use nalgebra::{Matrix3, Matrix6, Point3, Vector3};
 use crate::scenario::setup::Setup;
 use catch_recording::whole_file::COMMAND_LINE;
 
-/// Standard deviation of the centre of an object's image, in pixels: what bleeding edges leave, whatever the number of pixels. Chosen.
+/// Standard deviation of the centre of an object's image, in pixels: what bleeding edges leave, whatever the
+/// number of pixels. Chosen.
 pub const LATERAL_PX: f64 = 0.3;
 /// Pixels of an object that say something about where it is.
 pub const MIN_PIXELS: f64 = 30.0;
@@ -55,7 +58,8 @@ pub struct Config {
     pub closing_s: f64,
     /// No camera is nearer than this to any flight.
     pub clear_m: f64,
-    /// No camera shows less of the arm than this: the fraction of the joints within its image, over random postures.
+    /// No camera shows less of the arm than this: the fraction of the joints within its image, over random
+    /// postures.
     pub arm_fraction: f64,
 }
 
@@ -86,8 +90,8 @@ pub struct Score {
     pub shown: Vec<f64>,
     /// Fraction of the arm's joints that each camera shows, over random postures.
     pub arm_shown: Vec<f64>,
-    /// Expected standard deviation along each axis of the position at the catch that is predicted when it is decided, in metres, of each
-    /// throw in rising order.
+    /// Expected standard deviation along each axis of the position at the catch that is predicted when it is
+    /// decided, in metres, of each throw in rising order.
     pub decision_sd_m: Vec<f64>,
     /// The same when the fingers begin to close.
     pub closing_sd_m: Vec<f64>,
@@ -133,7 +137,8 @@ impl<'a> PlacementStudy<'a> {
     /// Samples the throws of a scenario.
     ///
     /// # Errors
-    /// A volume whose corners are swapped or too large for its spacing, or throws that are over before the decision.
+    /// A volume whose corners are swapped or too large for its spacing, or throws that are over before the
+    /// decision.
     pub fn new(setup: &'a Setup, config: &'a Config) -> Result<Self, InputError> {
         let [from, to] = config.volume_m;
         for axis in 0..3 {
@@ -268,7 +273,8 @@ impl<'a> PlacementStudy<'a> {
         Ok(Placement { cameras, candidates: candidates.len() })
     }
 
-    /// Every place on the walls and the ceiling that all flights stay clear of, with every aim that shows enough of the arm.
+    /// Every place on the walls and the ceiling that all flights stay clear of, with every aim that shows
+    /// enough of the arm.
     fn candidates(&self, kind: &CameraModel) -> Vec<CameraModel> {
         let [from, to] = self.config.volume_m;
         let steps = |axis: usize| {
@@ -326,7 +332,8 @@ impl<'a> PlacementStudy<'a> {
         self.flights.iter().map(|flight| flight.p_WO.iter().map(shows).collect()).collect()
     }
 
-    /// What the images of a camera that have arrived so long before the catch tell of position and velocity there, throw by throw.
+    /// What the images of a camera that have arrived so long before the catch tell of position and velocity
+    /// there, throw by throw.
     fn information(&self, camera: &CameraModel, sight: &[Vec<bool>], before_s: f64) -> Vec<Matrix6<f64>> {
         let arena = &self.setup.scenario.arena;
         let rate_hz = camera.rate_hz.filter(|_| arena.free_running_cameras).unwrap_or(arena.frame_rate_hz);
@@ -372,7 +379,8 @@ fn apart_m(one: &CameraModel, other: &CameraModel) -> f64 {
     (one.X_WC.translation.vector - other.X_WC.translation.vector).norm()
 }
 
-/// Standard deviation along each axis of the position at the catch, from what images tell and what is known before.
+/// Standard deviation along each axis of the position at the catch, from what images tell and what is known
+/// before.
 fn deviation_m(information: &Matrix6<f64>) -> f64 {
     let mut sum = *information;
     for i in 0..6 {

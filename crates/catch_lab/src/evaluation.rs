@@ -1,5 +1,5 @@
-//! Evaluations: many throws of many objects, on all cores, with the same rows in the same order whatever the number of
-//! threads.
+//! Evaluations: many throws of many objects, on all cores, with the same rows in the same order whatever the
+//! number of threads.
 
 pub mod cell_summary;
 pub mod published;
@@ -36,7 +36,8 @@ use catch_recording::brain::ObservedBrain;
 
 pub use crate::referee::Row;
 
-/// Trials that run at the same time at most: more than the cores of any machine, and few enough to be started.
+/// Trials that run at the same time at most: more than the cores of any machine, and few enough to be
+/// started.
 pub const MOST_THREADS: usize = 1024;
 
 /// Makes a brain for each trial: of a setup, for a seed and the number of the throw.
@@ -102,7 +103,8 @@ pub fn row(setup: &Setup, seed: u64, index: u64, mut verdict: Verdict) -> Row {
     Row::new(setup, seed, index, verdict)
 }
 
-/// What is evaluated. Trials are numbered throw by throw: first the first throw in all cells, then the second.
+/// What is evaluated. Trials are numbered throw by throw: first the first throw in all cells, then the
+/// second.
 #[derive(Debug)]
 pub struct Evaluation {
     /// Objects with their throws.
@@ -191,12 +193,12 @@ impl Evaluation {
         (row(&cell.setup, self.seed, index, referee::judge(&cell.setup, &trial)), trial.stopwatch)
     }
 
-    /// Runs the trials from number `from` on, on several threads or as many as the system allows, and hands over each row in the order of
-    /// their numbers.
+    /// Runs the trials from number `from` on, on several threads or as many as the system allows, and hands
+    /// over each row in the order of their numbers.
     ///
     /// # Errors
-    /// A throw that [cannot be thrown](Setup::check_throw), before anything is; those of `row_done`: the trials that are running then
-    /// are given up.
+    /// A throw that [cannot be thrown](Setup::check_throw), before anything is; those of `row_done`: the
+    /// trials that are running then are given up.
     pub fn run(
         &self,
         from: usize,

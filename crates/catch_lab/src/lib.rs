@@ -35,7 +35,8 @@
 //!
 //! # What is where
 //!
-//! Here, and only here, the brain and the arena meet. A module uses only those above it in this table, and those of its own row:
+//! Here, and only here, the brain and the arena meet. A module uses only those above it in this table, and
+//! those of its own row:
 //!
 //! | module | holds |
 //! |---|---|

@@ -5,8 +5,8 @@
 //!   {"id": 0, "time_remaining_s": 0.46, "object_p": […], "object_v": […], "R_WG": [[…], […], […]], "p_WG": […]}]}
 //! ```
 //! The rows of `R_WG` are those of the matrix whose columns are the gripper's axes in W; the grasp centre
-//! p_WG + `grasp_centre_y_m`·y_G is to be at `object_p` with velocity s·`object_v`. `q_start`, `dq_start` and `robot` may stand
-//! in a case, too, and count for it alone.
+//! p_WG + `grasp_centre_y_m`·y_G is to be at `object_p` with velocity s·`object_v`. `q_start`, `dq_start` and
+//! `robot` may stand in a case, too, and count for it alone.
 
 use std::path::Path;
 
@@ -199,8 +199,8 @@ impl PlannerCase {
     }
 }
 
-/// The arm called `name`, or that of the default scenario, and the default scenario's gripper, its grasp centre at
-/// `grasp_centre_y_m`.
+/// The arm called `name`, or that of the default scenario, and the default scenario's gripper, its grasp
+/// centre at `grasp_centre_y_m`.
 ///
 /// # Errors
 /// Faults in the name or the files behind it.

@@ -1,4 +1,5 @@
-//! Many throws in one life: one arena, one brain that knows all objects, and a thrower who waits until the arm is ready.
+//! Many throws in one life: one arena, one brain that knows all objects, and a thrower who waits until the
+//! arm is ready.
 
 use std::fmt::{self, Display};
 
@@ -25,10 +26,11 @@ use crate::{
 };
 use catch_recording::brain::{BrainSettings, ChosenCycle};
 
-/// How long the arm may take to become ready again before it counts as stuck, in seconds of the cell's clock; the thrower's own
-/// pause does not count.
+/// How long the arm may take to become ready again before it counts as stuck, in seconds of the cell's clock;
+/// the thrower's own pause does not count.
 const STUCK_AFTER_S: f64 = 60.0;
-/// An object has been put down if it is no farther from where the hand opens than this, seen from above, in metres.
+/// An object has been put down if it is no farther from where the hand opens than this, seen from above, in
+/// metres.
 const PLACED_WITHIN_M: f64 = 0.4;
 
 /// One throw of many.
@@ -112,7 +114,8 @@ impl Play {
     /// Lets all of it happen; `on_row` is told of each throw as soon as the next one flies.
     ///
     /// # Errors
-    /// If the scenario does not say where objects are put down; a throw that [cannot be thrown](Setup::check_throw).
+    /// If the scenario does not say where objects are put down; a throw that [cannot be
+    /// thrown](Setup::check_throw).
     pub fn run(&self, on_row: &mut dyn FnMut(&PlayRow)) -> Result<Life, InputError> {
         let Scenario { name, brain: BrainSettings { cycle, .. }, .. } = &self.setups[0].scenario;
         let (place_q, of_cycle) = (self.setups[0].place_q()?, |field: &str| format!("brain.cycle.{field}"));
@@ -201,8 +204,8 @@ impl LivingCell {
         observation.time_s
     }
 
-    /// From the release to the end of the referee's test, with the clock set to zero at the release; and the object for which the
-    /// brain took what flew.
+    /// From the release to the end of the referee's test, with the clock set to zero at the release; and the
+    /// object for which the brain took what flew.
     fn trial(&mut self, setup: &Setup, released_s: f64) -> (Trial, Option<usize>) {
         let mut watch = EndWatch::of_release(&mut self.arena);
         let (mut snapshots, mut identified) = (Vec::new(), None);

@@ -44,11 +44,13 @@ const NEAREST_WITHIN_S: f64 = 0.04;
 /// The outcome of a trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
-    /// Whether the object was caught and held: no command broke a limit; from 0.5 s after the first contact until 1.5 s after
-    /// it a gripper that was commanded to close squeezed the object, which lay still in it, the arm at rest, also while the world shook
-    /// both; nothing else touched it. What the impact does to the arm's motion decides nothing and is told apart.
+    /// Whether the object was caught and held: no command broke a limit; from 0.5 s after the first contact
+    /// until 1.5 s after it a gripper that was commanded to close squeezed the object, which lay still in it,
+    /// the arm at rest, also while the world shook both; nothing else touched it. What the impact does to the
+    /// arm's motion decides nothing and is told apart.
     pub caught: bool,
-    /// Whether the paper would call it caught: at 0.875 s the object is less than 2.5 cm from the gripper along its z axis.
+    /// Whether the paper would call it caught: at 0.875 s the object is less than 2.5 cm from the gripper
+    /// along its z axis.
     pub caught_paper: bool,
     /// Whether the authors' code would: less than 5 cm.
     #[serde(default)]
@@ -61,14 +63,16 @@ pub struct Verdict {
     pub caught_beyond_limits: bool,
     /// Why not, for every trial in which the object was not caught.
     pub reason: Option<Reason>,
-    /// What an oracle would have reached, for trials in which the object was not caught; `None` also where it cannot tell.
+    /// What an oracle would have reached, for trials in which the object was not caught; `None` also where it
+    /// cannot tell.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reach: Option<Reach>,
     /// Number of limits of the arm that commands broke; a throw is caught only if there is none.
     pub limit_violations: usize,
     /// The first of them.
     pub first_violation: Option<LimitViolation>,
-    /// Number of limits that the measured motion exceeded, as an impact makes it do. No command did, so they decide nothing.
+    /// Number of limits that the measured motion exceeded, as an impact makes it do. No command did, so they
+    /// decide nothing.
     #[serde(default)]
     pub motion_excursions: usize,
     /// When the brain last meant to catch, if it had a plan.
@@ -81,7 +85,8 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// Whether the arm could not have caught the object, even had it known the flight from the first image on.
+    /// Whether the arm could not have caught the object, even had it known the flight from the first image
+    /// on.
     pub fn is_out_of_reach(&self) -> bool {
         self.reach.is_some_and(|reach| reach.from_first_image_s.is_none())
     }
@@ -233,7 +238,8 @@ impl<'a> Evidence<'a> {
         self.last?.plan.as_ref()
     }
 
-    /// How far the undisturbed object would have been from where the plan wants it in the gripper at the catch.
+    /// How far the undisturbed object would have been from where the plan wants it in the gripper at the
+    /// catch.
     pub fn grasp_offset_m(&self) -> Option<f64> {
         let p_GO = self.at_catch?.X_WG.inverse_transform_point(&self.undisturbed_O?);
         Some((p_GO - self.plan()?.grasp.X_OG.inverse_transform_point(&self.known.as_ref()?.com_O)).norm())
@@ -247,8 +253,8 @@ impl<'a> Evidence<'a> {
         Some(known.symmetry.turn_between(R_WO, &undisturbed.rotation).norm())
     }
 
-    /// The instant midway between the first contacts of the two fingers, less that at which the undisturbed object's centre would
-    /// have been nearest the grasp centre.
+    /// The instant midway between the first contacts of the two fingers, less that at which the undisturbed
+    /// object's centre would have been nearest the grasp centre.
     fn contact_delay_s(&self, setup: &Setup) -> Option<f64> {
         let samples = &self.truth.samples;
         let first = |touches: fn(&TruthSample) -> bool| samples.iter().find(|it| touches(it)).map(|it| it.time_s);
@@ -264,7 +270,8 @@ impl<'a> Evidence<'a> {
         Some(f64::midpoint(left_s, right_s) - nearest_s)
     }
 
-    /// How far past its planned place in the gripper the object was when it first touched something, along its way.
+    /// How far past its planned place in the gripper the object was when it first touched something, along
+    /// its way.
     pub fn progress_m(&self) -> Option<f64> {
         let sample = self.before_contact()?;
         let planned_GO = self.plan()?.grasp.X_OG.inverse().translation.vector;
@@ -358,8 +365,9 @@ impl<'a> Evidence<'a> {
         held.any(|sample| sample.dq.amax() > AT_REST_RADPS)
     }
 
-    /// How fast the object moves in the gripper: its way over the last 10 ms. The speed of a single step would not do: when the
-    /// engine changes the points at which two faces touch, a held object jerks by hundredths of a millimetre within one.
+    /// How fast the object moves in the gripper: its way over the last 10 ms. The speed of a single step
+    /// would not do: when the engine changes the points at which two faces touch, a held object jerks by
+    /// hundredths of a millimetre within one.
     fn speed_in_hand_mps(&self, now: &TruthSample) -> f64 {
         let Some(before) = sample_at(self.truth, now.time_s - SPEED_OVER_S) else { return f64::INFINITY };
         let p_GO = |sample: &TruthSample| sample.X_WG.inverse_transform_point(&sample.X_WO.translation.vector.into());

@@ -22,7 +22,8 @@ pub enum Clock {
     Free,
     /// A constant time in milliseconds.
     FixedMs(#[serde(deserialize_with = "quantity::latency_ms")] f64),
-    /// The wall time of the brain's tick on this machine. The only clock with which a trial is not the same every time.
+    /// The wall time of the brain's tick on this machine. The only clock with which a trial is not the same
+    /// every time.
     Charged,
 }
 
@@ -37,8 +38,8 @@ impl Clock {
     }
 }
 
-/// A scenario's file: a composition of each module's own settings. What it does not say is that of the scenario which it names as `extends`,
-/// or else the module's default.
+/// A scenario's file: a composition of each module's own settings. What it does not say is that of the
+/// scenario which it names as `extends`, or else the module's default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
@@ -60,24 +61,27 @@ pub struct Scenario {
     /// Joint positions in radians where the arm waits; the robot's own ready pose if left out.
     #[serde(default, deserialize_with = "quantity::angle_rad")]
     pub ready_rad: Option<Vec<f64>>,
-    /// Joint positions in radians in which the gripper opens to put down what was caught; needed where a brain lives for many
-    /// throws.
+    /// Joint positions in radians in which the gripper opens to put down what was caught; needed where a
+    /// brain lives for many throws.
     #[serde(default, deserialize_with = "quantity::angle_rad")]
     pub place_rad: Option<Vec<f64>>,
-    /// Multiplies the arm's limits. Anything but 1, the default, is not the real arm, and the scenario's name should say so.
+    /// Multiplies the arm's limits. Anything but 1, the default, is not the real arm, and the scenario's name
+    /// should say so.
     #[serde(default)]
     pub limit_scale: LimitScale,
-    /// The cameras' data sheet, by which the brain expects their errors. What their errors are stands in `arena.depth`.
+    /// The cameras' data sheet, by which the brain expects their errors. What their errors are stands in
+    /// `arena.depth`.
     pub camera: String,
     /// The cameras that watch the flight.
     pub flight_rig: String,
     /// The cameras that scan the object beforehand, around the object's frame.
     pub reference_rig: String,
-    /// How long commands take to compute: `"free"`, `{ fixed_ms = 10 }` or `"charged"`. The brain is told what to expect in its own
-    /// table, `[brain.control]`, as `expected_latency_s`.
+    /// How long commands take to compute: `"free"`, `{ fixed_ms = 10 }` or `"charged"`. The brain is told
+    /// what to expect in its own table, `[brain.control]`, as `expected_latency_s`.
     #[serde(default)]
     pub clock: Clock,
-    /// How the cameras are calibrated before anything is thrown. Without it the brain believes what the rig's file says.
+    /// How the cameras are calibrated before anything is thrown. Without it the brain believes what the rig's
+    /// file says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<CalibrationSettings>,
     /// The physics, the sensors and the drives.
@@ -88,8 +92,9 @@ pub struct Scenario {
     pub brain: BrainSettings,
 }
 
-/// A calibration before all throws of a seed: the cameras stand where the rig's file says, and are believed to stand elsewhere until the
-/// arm has calibrated them. The brain has what comes out, and what is claimed of it.
+/// A calibration before all throws of a seed: the cameras stand where the rig's file says, and are believed
+/// to stand elsewhere until the arm has calibrated them. The brain has what comes out, and what is claimed of
+/// it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CalibrationSettings {
@@ -132,8 +137,8 @@ impl Scenario {
         Ok((scenario, faults))
     }
 
-    /// Every value that cannot be used although it is one of its kind: settings of the brain out of their ranges, values that do not
-    /// fit together.
+    /// Every value that cannot be used although it is one of its kind: settings of the brain out of their
+    /// ranges, values that do not fit together.
     pub fn faults(&self, file: &str) -> Vec<InputError> {
         let mut faults = self.arena.faults(file, "arena");
         if self.brain.seed != 0 {
@@ -172,8 +177,8 @@ impl Scenario {
         self.faults(COMMAND_LINE).into_iter().next().map_or(Ok(self), Err)
     }
 
-    /// This scenario with one field changed, or left out where there is no value; whether it fits the others is not checked. `fault` makes an
-    /// error of what would be right.
+    /// This scenario with one field changed, or left out where there is no value; whether it fits the others
+    /// is not checked. `fault` makes an error of what would be right.
     ///
     /// # Errors
     /// A field that there is not, or a value that it cannot have.
@@ -278,7 +283,8 @@ fn hint(path: &str, tree: &toml::Table) -> String {
     field_meant(path.trim(), tree).map(|it| format!(" (did you mean `{it}`?)")).unwrap_or_default()
 }
 
-/// The field that is probably meant by the path of one that there is not: spelt alike, or of the same name elsewhere.
+/// The field that is probably meant by the path of one that there is not: spelt alike, or of the same name
+/// elsewhere.
 fn field_meant(path: &str, tree: &toml::Table) -> Option<String> {
     let tree = toml::Value::Table(tree.clone());
     let mut known = Vec::new();

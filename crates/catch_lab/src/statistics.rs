@@ -5,8 +5,8 @@ const Z_95: f64 = 1.959_963_984_540_054;
 
 /// Wilson's score interval at 95 % for a probability of which `successes` of `trials` were seen.
 ///
-/// (p + z²/2n ± z·√(p·(1 − p)/n + z²/4n²)) / (1 + z²/n) (Wilson, Probable inference, the law of succession, and statistical
-/// inference, 1927). Unlike the textbook's interval it is right near 0 and 1.
+/// (p + z²/2n ± z·√(p·(1 − p)/n + z²/4n²)) / (1 + z²/n) (Wilson, Probable inference, the law of succession,
+/// and statistical inference, 1927). Unlike the textbook's interval it is right near 0 and 1.
 pub fn wilson95(successes: usize, trials: usize) -> [f64; 2] {
     if trials == 0 {
         return [0.0, 1.0];
@@ -19,10 +19,11 @@ pub fn wilson95(successes: usize, trials: usize) -> [f64; 2] {
     [(centre - reach) / (1.0 + z2 / n), (centre + reach) / (1.0 + z2 / n)].map(|bound| bound.clamp(0.0, 1.0))
 }
 
-/// Interval at 95 % for the difference of two rates that were measured on the same `trials`, of which `gained` and `lost` changed.
+/// Interval at 95 % for the difference of two rates that were measured on the same `trials`, of which
+/// `gained` and `lost` changed.
 ///
-/// Wald's with half a trial more in each of the four cells (Agresti and Min, Effects and non-effects of paired identical
-/// observations in comparing proportions with binary matched-pairs data, 2005).
+/// Wald's with half a trial more in each of the four cells (Agresti and Min, Effects and non-effects of
+/// paired identical observations in comparing proportions with binary matched-pairs data, 2005).
 pub fn paired95(gained: usize, lost: usize, trials: usize) -> [f64; 2] {
     let (gained, lost, n) = (gained as f64 + 0.5, lost as f64 + 0.5, trials as f64 + 2.0);
     let difference = (gained - lost) / n;
@@ -35,7 +36,8 @@ pub fn median(values: Vec<f64>) -> Option<f64> {
     quantile(&sorted(values), 0.5)
 }
 
-/// The upper of the two middle values, or zero if there is none, without memory of its own: the slice is reordered.
+/// The upper of the two middle values, or zero if there is none, without memory of its own: the slice is
+/// reordered.
 pub fn median_in_place(values: &mut [f64]) -> f64 {
     let middle = values.len() / 2;
     if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
@@ -48,8 +50,8 @@ pub fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     values
 }
 
-/// The value below which a fraction of the sorted values lies, linear between neighbours (Hyndman & Fan, Sample quantiles in
-/// statistical packages, 1996, definition 7); none of no values.
+/// The value below which a fraction of the sorted values lies, linear between neighbours (Hyndman & Fan,
+/// Sample quantiles in statistical packages, 1996, definition 7); none of no values.
 pub fn quantile(sorted: &[f64], fraction: f64) -> Option<f64> {
     let at = fraction.clamp(0.0, 1.0) * sorted.len().checked_sub(1)? as f64;
     let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
@@ -61,7 +63,8 @@ pub fn quantile(sorted: &[f64], fraction: f64) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Against the figures of Newcombe, Two-sided confidence intervals for the single proportion (1998), table I, method 3.
+    /// Against the figures of Newcombe, Two-sided confidence intervals for the single proportion (1998),
+    /// table I, method 3.
     #[test]
     fn wilson_agrees_with_published_figures() {
         for (successes, trials, expected) in [
@@ -79,7 +82,8 @@ mod tests {
         assert!(wilson95(561, 570)[0] >= 0.97 && wilson95(560, 570)[0] < 0.97);
     }
 
-    /// Ten and a half less two and a half of a hundred, by hand; nothing that changed tells less of few trials.
+    /// Ten and a half less two and a half of a hundred, by hand; nothing that changed tells less of few
+    /// trials.
     #[test]
     fn paired_differences_are_wald_s_with_two_trials_more() {
         let [low, high] = paired95(10, 2, 98);

@@ -1,8 +1,8 @@
 //! Studies: many variants of one scenario, each evaluated with the same seed.
 //!
-//! A study is a TOML file that lists overlays of a scenario. A step is the scenario with one of them laid over it, or with several
-//! one upon the other. All steps draw from the same random streams, so that throw number 17 is the same in each where throws are
-//! random. `assets/studies/ablation.toml` shows every field.
+//! A study is a TOML file that lists overlays of a scenario. A step is the scenario with one of them laid
+//! over it, or with several one upon the other. All steps draw from the same random streams, so that throw
+//! number 17 is the same in each where throws are random. `assets/studies/ablation.toml` shows every field.
 
 mod outline;
 pub mod throw_grid;
@@ -37,7 +37,8 @@ pub struct StudyFile {
     /// What is thrown; every built-in object if left out.
     #[serde(default)]
     pub objects: Vec<String>,
-    /// How it is thrown; as the scenario says if left out. The trials of an object are shared among the throws.
+    /// How it is thrown; as the scenario says if left out. The trials of an object are shared among the
+    /// throws.
     #[serde(default)]
     pub throws: Vec<String>,
     /// Throws from a grid of places and speeds, made after the throw.
@@ -123,8 +124,8 @@ impl Study {
     /// Reads a built-in study, or a file.
     ///
     /// # Errors
-    /// A study that there is not, or a fault in it or in its scenarios; `asked_by` is the file and field, or the argument, that names
-    /// it.
+    /// A study that there is not, or a fault in it or in its scenarios; `asked_by` is the file and field, or
+    /// the argument, that names it.
     pub fn load(name: &str, asked_by: (&str, &str)) -> Result<Self, InputError> {
         Self::of(Asset::find(Kind::Study, name, &Origin::BuiltIn(PathBuf::new()), asked_by)?)
     }
@@ -171,7 +172,8 @@ impl Study {
         }
     }
 
-    /// The cells of a step, object by object, with another arm or gripper than the scenario's where `equipment` names one.
+    /// The cells of a step, object by object, with another arm or gripper than the scenario's where
+    /// `equipment` names one.
     ///
     /// # Errors
     /// As [`Setup::load`]; a throw that no place of the grid can be made after.
@@ -239,7 +241,8 @@ fn steps(file: &str, study: &StudyFile, base: &Scenario, towards: Option<&Scenar
     Ok(steps)
 }
 
-/// The scenario of a step bears the step's name; one from which nothing is left to take is the other scenario.
+/// The scenario of a step bears the step's name; one from which nothing is left to take is the other
+/// scenario.
 fn named(scenario: Scenario, step: &str, towards: Option<&Scenario>) -> Scenario {
     let Some(towards) = towards else { return Scenario { name: step.to_owned(), ..scenario } };
     let there = Scenario { name: towards.name.clone(), description: towards.description.clone(), ..scenario.clone() };
@@ -330,7 +333,8 @@ mod tests {
         assert_eq!(cells[0].setup.scenario, honest.unwrap().scenario);
     }
 
-    /// What is left when every assumption of the published code is taken away is the paper's method under the arm's limits.
+    /// What is left when every assumption of the published code is taken away is the paper's method under the
+    /// arm's limits.
     #[test]
     fn the_published_system_ends_at_its_method_in_the_scenario_of_the_paper() {
         let study = load("as-published");
@@ -372,7 +376,8 @@ mod tests {
         }
     }
 
-    /// Common random numbers: the same throw in every step where throws are random, as far as it is not its speed through the air.
+    /// Common random numbers: the same throw in every step where throws are random, as far as it is not its
+    /// speed through the air.
     #[test]
     fn throws_are_the_same_in_all_steps() {
         let study = load("ablation");

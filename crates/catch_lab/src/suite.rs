@@ -1,8 +1,9 @@
 //! Frozen benchmarks: scenarios, objects, throws and seeds that a hash keeps as they are.
 //!
-//! A suite is a folder of built-in files: `suite.toml` and the scenarios that it names. Whatever its throws depend on but the brain goes into one
-//! SHA-256, which stands in that file and is compared when the suite is loaded. Its rows are those of [evaluations](Evaluation), one for each
-//! part, and have one SHA-256, too: that of the lines of JSON, condition by condition.
+//! A suite is a folder of built-in files: `suite.toml` and the scenarios that it names. Whatever its throws
+//! depend on but the brain goes into one SHA-256, which stands in that file and is compared when the suite is
+//! loaded. Its rows are those of [evaluations](Evaluation), one for each part, and have one SHA-256, too:
+//! that of the lines of JSON, condition by condition.
 
 use catch_body::InputError;
 use catch_bot::Report;
@@ -130,7 +131,8 @@ impl Suite {
         format!("{}/{}", self.name, part.scenario)
     }
 
-    /// Its conditions in their order: scenario, object, throw and number of throws, as [`Setup::load`] takes them.
+    /// Its conditions in their order: scenario, object, throw and number of throws, as [`Setup::load`] takes
+    /// them.
     pub fn conditions(&self) -> Vec<(String, &str, &str, u64)> {
         let mut conditions = Vec::new();
         for part in &self.file.parts {
@@ -179,7 +181,8 @@ impl Suite {
         self.file.parts.iter().map(of_part).collect()
     }
 
-    /// SHA-256 of the file without its own hash, of all files that the scenarios name, and of the releases of all objects.
+    /// SHA-256 of the file without its own hash, of all files that the scenarios name, and of the releases of
+    /// all objects.
     fn content_sha256(&self) -> Result<String, InputError> {
         let mut hash = Sha256::new();
         let mut add = |name: &str, content: &[u8]| {
@@ -208,7 +211,8 @@ impl Suite {
     }
 }
 
-/// SHA-256 of the rows of all parts, each with its number of conditions: the lines of `trials.jsonl`, condition by condition.
+/// SHA-256 of the rows of all parts, each with its number of conditions: the lines of `trials.jsonl`,
+/// condition by condition.
 ///
 /// # Errors
 /// A row that cannot be written.

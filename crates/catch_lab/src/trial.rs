@@ -52,8 +52,9 @@ pub struct Trial {
     pub stopwatch: Stopwatch,
 }
 
-/// Runs one trial with the brain of the scenario: throw number `index` of `seed`, from the release at 0 s on the cell's clock until the referee
-/// has seen enough. `observer` is shown every tick, with the truth up to then; it ends the trial by an error.
+/// Runs one trial with the brain of the scenario: throw number `index` of `seed`, from the release at 0 s on
+/// the cell's clock until the referee has seen enough. `observer` is shown every tick, with the truth up to
+/// then; it ends the trial by an error.
 ///
 /// # Errors
 /// Those of the observer.
@@ -99,7 +100,8 @@ pub fn run_unobserved(brain: &mut dyn ObservedBrain, setup: &Setup, seed: u64, i
     trial
 }
 
-/// A trial step by step, for whoever decides elsewhere: what is sensed goes out, commands come in, until it is done.
+/// A trial step by step, for whoever decides elsewhere: what is sensed goes out, commands come in, until it
+/// is done.
 pub struct Episode {
     arena: Arena,
     clock: Clock,
@@ -122,8 +124,8 @@ impl Episode {
         observation
     }
 
-    /// Passes a command on. Computing it took `computed_s` in seconds of wall time, which counts where the scenario's clock charges it; the
-    /// referee looks at `snapshot`.
+    /// Passes a command on. Computing it took `computed_s` in seconds of wall time, which counts where the
+    /// scenario's clock charges it; the referee looks at `snapshot`.
     pub fn act(&mut self, command: &Command, snapshot: StateSnapshot, computed_s: f64) {
         self.snapshots.push(snapshot);
         self.arena.act_after(self.clock.delay_s(computed_s), command);

@@ -1,5 +1,6 @@
-//! A catch whose time and pose are given, by the general form ([`crate::sqp`]): what [`PosedPlanner`](crate::posed::PosedPlanner) does by closed forms
-//! and one small program per joint, for arms and demands that have none.
+//! A catch whose time and pose are given, by the general form ([`crate::sqp`]): what
+//! [`PosedPlanner`](crate::posed::PosedPlanner) does by closed forms and one small program per joint, for
+//! arms and demands that have none.
 
 use catch_body::JointVector;
 use catch_bot::trajectory_optimization::{
@@ -22,8 +23,8 @@ const COMFORT_WEIGHT: f64 = 1e-4;
 /// A speed fraction this close to the highest that is wanted, relative, needs no further search.
 const GOOD_ENOUGH: f64 = 0.99;
 
-/// The motion to `target` with the highest speed fraction that was found, the acceleration at the start being free; `None` if
-/// none was found, which proves nothing.
+/// The motion to `target` with the highest speed fraction that was found, the acceleration at the start being
+/// free; `None` if none was found, which proves nothing.
 pub fn catch_at(planner: &MotionPlanner, start: &Start, target: &Target) -> Option<PosedCatch> {
     let (robot, config) = (planner.robot(), planner.config());
     let scaling = LimitScaling { velocity: config.velocity_scaling, acceleration: 1.0 - ROUNDING };

@@ -1,5 +1,5 @@
-//! Grasp selection as in the paper (III-C): gripper poses from Darboux frames at random points of the reference cloud, filtered
-//! by thresholds on the three heuristics, the cheapest taken.
+//! Grasp selection as in the paper (III-C): gripper poses from Darboux frames at random points of the
+//! reference cloud, filtered by thresholds on the three heuristics, the cheapest taken.
 
 use std::collections::BTreeMap;
 
@@ -22,9 +22,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Whether surface and normals are estimated from all points of the scan (code): their means in cubes of 2.5 mm, and the direction in
-    /// which 30 neighbours extend least. Half of these normals point inwards, and no grasp comes from there. Else those of our own
-    /// reference are taken.
+    /// Whether surface and normals are estimated from all points of the scan (code): their means in cubes of
+    /// 2.5 mm, and the direction in which 30 neighbours extend least. Half of these normals point inwards,
+    /// and no grasp comes from there. Else those of our own reference are taken.
     pub estimates_normals: bool,
 }
 
@@ -32,12 +32,13 @@ pub struct Config {
 
 /// Points that are drawn.
 const SAMPLES: usize = 2000;
-/// Neighbourhood of a Darboux frame, in metres. On a cloud of 2.5 mm spacing it holds few points, so that the principal directions are those of
-/// noise; that, too, is the paper's method.
+/// Neighbourhood of a Darboux frame, in metres. On a cloud of 2.5 mm spacing it holds few points, so that the
+/// principal directions are those of noise; that, too, is the paper's method.
 const DARBOUX_RADIUS_M: f64 = 0.002;
 /// The gripper's origin is this far from the surface, in metres.
 const STANDOFF_M: f64 = 0.05;
-/// The same for the banana. The code knows it by its name; here what is longer than [`LONG_RADIUS_M`] counts as one.
+/// The same for the banana. The code knows it by its name; here what is longer than [`LONG_RADIUS_M`] counts
+/// as one.
 const LONG_STANDOFF_M: f64 = 0.04;
 /// Distance of the farthest point from the centre of mass, in metres, beyond which an object counts as long.
 const LONG_RADIUS_M: f64 = 0.06;
@@ -47,14 +48,15 @@ const MAX_STRENGTH_M: f64 = 0.03;
 const MAX_DISCOMFORT: f64 = 0.4;
 /// Largest 1 − "catchability".
 const MAX_MISALIGNMENT: f64 = 0.1;
-/// Weight of "strength" in the cost, per metre. The text says that "catchability" weighs most, but the code has this weight and 1 for both
-/// others; the code is followed.
+/// Weight of "strength" in the cost, per metre. The text says that "catchability" weighs most, but the code
+/// has this weight and 1 for both others; the code is followed.
 const STRENGTH_WEIGHT: f64 = 10.0;
-/// The part of the gap that must not be empty when the fingers close: halves along x and z, and its ends along y, in metres
-/// (code).
+/// The part of the gap that must not be empty when the fingers close: halves along x and z, and its ends
+/// along y, in metres (code).
 const CLOSING_REGION_M: [f64; 4] = [0.05, 0.00625, 0.05, 0.1125];
 
-/// The best grasp among the samples for an object that is caught at `catch_s`, `None` if none passes all thresholds.
+/// The best grasp among the samples for an object that is caught at `catch_s`, `None` if none passes all
+/// thresholds.
 pub fn select(
     reference: &ReferenceModel,
     gripper: &Gripper,
@@ -80,8 +82,8 @@ pub fn select(
     for _ in 0..SAMPLES {
         let index = rng.random_range(0..points.len());
         let frame = darboux_frame(points, normals, index, DARBOUX_RADIUS_M);
-        // The gripper looks along the inward normal (y) and closes in the direction of most curvature (x); the object passes
-        // along that of least curvature (z).
+        // The gripper looks along the inward normal (y) and closes in the direction of most curvature (x);
+        // the object passes along that of least curvature (z).
         let (x, y) = (frame.principal[1], -frame.normal);
         let R_OG = Rotation3::from_basis_unchecked(&[x, y, x.cross(&y)]);
         let origin = frame.point.coords + frame.normal * standoff_m;
@@ -140,8 +142,8 @@ fn estimated_surface(reference: &ReferenceModel) -> (Vec<Point3<f64>>, Vec<Vecto
     (points, normals)
 }
 
-/// "Comfort": whether the gripper points away from the axis of the base. The text does not normalize the vector to the gripper;
-/// the code's threshold only makes sense if it is.
+/// "Comfort": whether the gripper points away from the axis of the base. The text does not normalize the
+/// vector to the gripper; the code's threshold only makes sense if it is.
 fn comfort(X_WG: &Pose, base: &Point3<f64>) -> f64 {
     let outward = X_WG.translation.vector - base.coords;
     let outward = Vector3::new(outward.x, outward.y, 0.0).try_normalize(1e-6);

@@ -1,14 +1,16 @@
-//! The paper's own method, for comparison: its perception (ICP, III-B, [`registration`]), its prediction (RANSAC alone, III-B,
-//! [`prediction`]), its grasp selection (III-C, [`grasp`]) and its trajectory optimization (III-D, [`motion`]), as stages of a
-//! [`CatchingBot`](catch_bot::CatchingBot).
+//! The paper's own method, for comparison: its perception (ICP, III-B, [`registration`]), its prediction
+//! (RANSAC alone, III-B, [`prediction`]), its grasp selection (III-C, [`grasp`]) and its trajectory
+//! optimization (III-D, [`motion`]), as stages of a [`CatchingBot`](catch_bot::CatchingBot).
 //!
-//! Figures that the paper does not give are those of the authors' code. Where code and text differ the modules say so, and which
-//! one is followed by default. What a real arm could not do is not done by default either: motions start where the arm is, none
-//! breaks a limit of the arm (they are part of the program; the paper has position and velocity limits only), none is carried out
-//! that is not safe, and the gripper closes when the prediction says so, not when the simulator's truth does. Each of these is a
-//! setting. The scenario `as-published` has them all as the authors' code has them.
+//! Figures that the paper does not give are those of the authors' code. Where code and text differ the
+//! modules say so, and which one is followed by default. What a real arm could not do is not done by default
+//! either: motions start where the arm is, none breaks a limit of the arm (they are part of the program; the
+//! paper has position and velocity limits only), none is carried out that is not safe, and the gripper closes
+//! when the prediction says so, not when the simulator's truth does. Each of these is a setting. The scenario
+//! `as-published` has them all as the authors' code has them.
 //!
-//! Begin with [`IcpEstimator`], [`RansacPredictor`] and [`PaperPlanner`], each a stage that a brain may have in place of its own:
+//! Begin with [`IcpEstimator`], [`RansacPredictor`] and [`PaperPlanner`], each a stage that a brain may have
+//! in place of its own:
 //!
 //! ```
 //! use std::sync::Arc;
@@ -24,8 +26,9 @@
 //! }
 //! ```
 //!
-//! [`sqp`] is the general nonlinear form of the trajectory optimization over all joints at once, for any arm. Catches whose time and
-//! pose are given, as the paper's are, [`general`] plans with it and [`posed`] with our own motions, or proves them out of reach.
+//! [`sqp`] is the general nonlinear form of the trajectory optimization over all joints at once, for any arm.
+//! Catches whose time and pose are given, as the paper's are, [`general`] plans with it and [`posed`] with
+//! our own motions, or proves them out of reach.
 
 pub mod general;
 pub mod grasp;

@@ -1,11 +1,13 @@
-//! Trajectory optimization as in the paper (III-D): a B-spline for all joints from inverse kinematics and linear interpolation
-//! through rounds of tightening tolerances, then from the previous motion at every replan.
+//! Trajectory optimization as in the paper (III-D): a B-spline for all joints from inverse kinematics and
+//! linear interpolation through rounds of tightening tolerances, then from the previous motion at every
+//! replan.
 //!
-//! Text and code differ. The text minimizes the distance from the comfortable pose; the code has no cost, and its solver stops
-//! where the tolerances are just met. The code is followed; a cost is only there to make the programs convex. The code wants the
-//! start within tolerances too, so that its plans do not start where the arm is; the text wants it exact. The code carries out
-//! what could not be solved. By default the text is followed there, and a motion that misses its tolerances is taken only if it
-//! comes closer than the running one, and none that breaks a limit or collides; settings marked "code" go the other way.
+//! Text and code differ. The text minimizes the distance from the comfortable pose; the code has no cost, and
+//! its solver stops where the tolerances are just met. The code is followed; a cost is only there to make the
+//! programs convex. The code wants the start within tolerances too, so that its plans do not start where the
+//! arm is; the text wants it exact. The code carries out what could not be solved. By default the text is
+//! followed there, and a motion that misses its tolerances is taken only if it comes closer than the running
+//! one, and none that breaks a limit or collides; settings marked "code" go the other way.
 
 use catch_body::{JointVector, MAX_JOINTS, Pose};
 use catch_bot::{
@@ -22,31 +24,35 @@ use crate::sqp::{MET, Problem, StartState, Tolerance, Waypoint, clamped_knots};
 /// Duration of the first guess in the authors' code, whatever the catch time.
 const FIRST_GUESS_S: f64 = 1.0;
 
-/// Settings of the paper's trajectory optimization: the text's by default, each of them the authors' code's where it is set.
+/// Settings of the paper's trajectory optimization: the text's by default, each of them the authors' code's
+/// where it is set.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Whether the gripper follows the object from 0.12 s before the catch, not 30 ms, within ±0.5 m at a replan, not ±0.2 m, at any velocity,
-    /// and in an orientation as strict as at the catch, not ten times as loose.
+    /// Whether the gripper follows the object from 0.12 s before the catch, not 30 ms, within ±0.5 m at a
+    /// replan, not ±0.2 m, at any velocity, and in an orientation as strict as at the catch, not ten times as
+    /// loose.
     pub loose_pre_grasp: bool,
-    /// Whether the duration of a motion has tolerances, and its guess is that of the last motion, one second at first; else it is the one that
-    /// is wanted.
+    /// Whether the duration of a motion has tolerances, and its guess is that of the last motion, one second
+    /// at first; else it is the one that is wanted.
     pub loose_time: bool,
-    /// Whether the last link starts where it is sensed, within the tolerances of the catch, with free joints; else motions start in the state of
-    /// the joints.
+    /// Whether the last link starts where it is sensed, within the tolerances of the catch, with free joints;
+    /// else motions start in the state of the joints.
     pub starts_anywhere: bool,
-    /// Whether the spline goes on for 0.6 s after the catch without coming to rest, and each program stays near the last one's motion; else it
-    /// ends there, braking follows, and programs keep near the comfortable pose.
+    /// Whether the spline goes on for 0.6 s after the catch without coming to rest, and each program stays
+    /// near the last one's motion; else it ends there, braking follows, and programs keep near the
+    /// comfortable pose.
     pub goes_on: bool,
-    /// Whether motions that break acceleration limits or collide are carried out. Neither text nor code has acceleration limits in its
-    /// programs or checks motions; by default they are.
+    /// Whether motions that break acceleration limits or collide are carried out. Neither text nor code has
+    /// acceleration limits in its programs or checks motions; by default they are.
     pub unchecked: bool,
     /// Whether what could not be solved is carried out, and is the guess of the next program.
     pub keeps_unsolved: bool,
-    /// Whether the gripper keeps the orientation that it was planned with first; its position follows the flight.
+    /// Whether the gripper keeps the orientation that it was planned with first; its position follows the
+    /// flight.
     pub freezes_orientation: bool,
-    /// Whether inverse kinematics for the guess takes the last link's axes for those of the gripper, and a point 1 cm beyond the gripper's
-    /// origin is meant to be there.
+    /// Whether inverse kinematics for the guess takes the last link's axes for those of the gripper, and a
+    /// point 1 cm beyond the gripper's origin is meant to be there.
     pub confuses_wrist: bool,
 }
 
@@ -60,14 +66,17 @@ const REPLAN: Tolerance = Tolerance { position_m: 0.02, rotation_error_rad: 0.1,
 /// Tolerances of the duration of the motion then, in seconds, where it has any (code).
 const LOOSEST_TIME_S: f64 = 0.05;
 const REPLAN_TIME_S: f64 = 0.01;
-/// Rounds of the first plan, which goes on until one fails, and the factor on the tolerances from one to the next (code).
+/// Rounds of the first plan, which goes on until one fails, and the factor on the tolerances from one to the
+/// next (code).
 const ROUNDS: usize = 12;
 const TIGHTENING: f64 = 0.875;
-/// Weight of the distance from the comfortable pose. It makes the programs convex; any motion within the tolerances will do, as in the code.
+/// Weight of the distance from the comfortable pose. It makes the programs convex; any motion within the
+/// tolerances will do, as in the code.
 const COMFORT_WEIGHT: f64 = 1e-4;
 /// How long the spline goes on after the catch, in seconds (code).
 const TAIL_S: f64 = 0.6;
-/// How far beyond the gripper's origin, along its approach, the point is that the code welds to it, in metres.
+/// How far beyond the gripper's origin, along its approach, the point is that the code welds to it, in
+/// metres.
 const WELD_ERROR_M: f64 = 0.01;
 
 /// From when on the gripper follows the object, and how much looser its tolerances are then.
@@ -178,8 +187,8 @@ struct Goal<'a> {
 }
 
 impl<'a> Goal<'a> {
-    /// The grasp's pose; if `R_WG` is given, with that orientation of the gripper at the catch, whatever the flight's. Before the
-    /// catch it turns with the object all the same.
+    /// The grasp's pose; if `R_WG` is given, with that orientation of the gripper at the catch, whatever the
+    /// flight's. Before the catch it turns with the object all the same.
     fn new(flight: &'a FlightTrajectory, catch_s: f64, grasp: &'a Grasp, R_WG: Option<UnitQuaternion<f64>>) -> Self {
         let X_OG = R_WG.map_or(grasp.X_OG, |R_WG| {
             let X_WO = flight.pose_at(catch_s);
@@ -195,7 +204,8 @@ impl<'a> Goal<'a> {
     }
 }
 
-/// A motion with braking after it unless it has a tail, `None` if that breaks any limit or collides where that is checked.
+/// A motion with braking after it unless it has a tail, `None` if that breaks any limit or collides where
+/// that is checked.
 fn completed(planner: &MotionPlanner, found: &BSpline, grasp: &Grasp, config: &Config) -> Option<BSpline> {
     // This method does not count what fails numerically.
     let failures = FailureCounter::default();
@@ -226,8 +236,8 @@ fn inverse_kinematics(planner: &MotionPlanner, X_WG: &Pose, config: &Config) -> 
         })
     };
     if config.confuses_wrist {
-        // The last link is to have the gripper's axes: R_WL = R_WG for the R_WG that is wanted. A guess need not be right; where the
-        // wrist cannot be so, it is the comfortable pose.
+        // The last link is to have the gripper's axes: R_WL = R_WG for the R_WG that is wanted. A guess need
+        // not be right; where the wrist cannot be so, it is the comfortable pose.
         let R_WL = X_WG.rotation;
         let confused = Pose::from_parts(X_WG.translation, R_WL * robot.X_LG.rotation);
         return Some(solution(&confused).unwrap_or(*comfortable));
@@ -235,8 +245,8 @@ fn inverse_kinematics(planner: &MotionPlanner, X_WG: &Pose, config: &Config) -> 
     solution(X_WG)
 }
 
-/// Both poses of the gripper, before the grasp and at it, and the velocities there; that of the last link at the start if joints
-/// are free there.
+/// Both poses of the gripper, before the grasp and at it, and the velocities there; that of the last link at
+/// the start if joints are free there.
 fn problem<'a>(
     planner: &'a MotionPlanner,
     start: &Start,

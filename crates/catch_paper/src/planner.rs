@@ -1,5 +1,5 @@
-//! Catch planning as in the paper (III-C and III-D): grasp and catch time are chosen once; the motion follows the flight as it
-//! becomes better known.
+//! Catch planning as in the paper (III-C and III-D): grasp and catch time are chosen once; the motion follows
+//! the flight as it becomes better known.
 
 use std::sync::Arc;
 
@@ -63,7 +63,8 @@ fn start(situation: &Situation<'_>, config: &motion::Config) -> Start {
 
 /// The object is within reach between these distances from the axis of the base, in metres (code).
 const REACH_M: [f64; 2] = [0.42, 0.75];
-/// Times after the first sighting among which it is sought when it comes within reach and leaves it, in seconds, and how many (code).
+/// Times after the first sighting among which it is sought when it comes within reach and leaves it, in
+/// seconds, and how many (code).
 const SOUGHT_S: [f64; 2] = [0.5, 1.0];
 const SOUGHT: usize = 20;
 /// The catch is at this fraction of the sum of both times (code: just before the middle).
@@ -100,8 +101,9 @@ impl CatchPlanner for PaperPlanner {
     }
 }
 
-/// The catch time (code; the text only says that it is chosen with the grasp): a fixed fraction of the times at which the object
-/// comes within reach and leaves it, counted from the first sighting, which in the paper's simulator is the throw.
+/// The catch time (code; the text only says that it is chosen with the grasp): a fixed fraction of the times
+/// at which the object comes within reach and leaves it, counted from the first sighting, which in the
+/// paper's simulator is the throw.
 fn catch_time_s(flight: &FlightTrajectory, first_seen_s: f64, base: &Point3<f64>) -> Option<f64> {
     let [from_s, until_s] = SOUGHT_S;
     let steps = SOUGHT - 1;

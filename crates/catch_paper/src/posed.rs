@@ -1,10 +1,13 @@
-//! A catch whose time and pose are given: the redundancy, the joint velocities and the motion are still to be found.
+//! A catch whose time and pose are given: the redundancy, the joint velocities and the motion are still to be
+//! found.
 //!
-//! The arm is redundant, so a pose leaves arcs of swivel angles ([`posture`](catch_bot::trajectory_optimization::posture)), cut to what each joint can reach in the
-//! time: where none is left, the catch is out of reach whatever the redundancy. On the arcs the highest speed fraction is
-//! sought, first with the exact bounds of
-//! [`reachability`](catch_bot::trajectory_optimization::reachability), which are optimistic for a spline, then with the
-//! spline's own range of end velocities. Within that range the spline's program is feasible, so nothing fails afterwards.
+//! The arm is redundant, so a pose leaves arcs of swivel angles
+//! ([`posture`](catch_bot::trajectory_optimization::posture)), cut to what each joint can reach in the time:
+//! where none is left, the catch is out of reach whatever the redundancy. On the arcs the highest speed
+//! fraction is sought, first with the exact bounds of
+//! [`reachability`](catch_bot::trajectory_optimization::reachability), which are optimistic for a spline,
+//! then with the spline's own range of end velocities. Within that range the spline's program is feasible, so
+//! nothing fails afterwards.
 
 use catch_body::{JointVector, MAX_JOINTS, Pose, robot::Jacobian};
 use catch_bot::grasp_selection;
@@ -84,8 +87,8 @@ impl PosedPlanner {
     /// The motion to `target` with the highest speed fraction over all redundancy.
     ///
     /// # Errors
-    /// [`PlanningFailure::OutOfReach`] where no motion within the velocity and acceleration limits exists, whatever the redundancy;
-    /// [`PlanningFailure::NoMotion`] where none was found.
+    /// [`PlanningFailure::OutOfReach`] where no motion within the velocity and acceleration limits exists,
+    /// whatever the redundancy; [`PlanningFailure::NoMotion`] where none was found.
     pub fn catch_at(&self, start: &Start, target: &Target) -> Result<PosedCatch, PlanningFailure> {
         let task = self.task(start, target);
         let mut postures = task.postures();
@@ -111,7 +114,8 @@ impl PosedPlanner {
             if *optimistic <= fraction * (1.0 + GOOD_ENOUGH) {
                 break;
             }
-            // The first posture of an arc is moved along it; the others are for arcs with no motion at the best place.
+            // The first posture of an arc is moved along it; the others are for arcs with no motion at the
+            // best place.
             let arc = posture.elbow.map(|elbow| elbow.arc);
             let posture = if tried.contains(&arc) { *posture } else { task.moved(posture, *optimistic) };
             tried.push(arc);
@@ -228,7 +232,8 @@ impl Task<'_> {
         self.finished(posture, &terminal_velocity, self.point_to_point(&posture.q).splines_for(&terminal_velocity)?)
     }
 
-    /// The motion to a posture with the highest speed fraction that a spline can have, if that is above `least`.
+    /// The motion to a posture with the highest speed fraction that a spline can have, if that is above
+    /// `least`.
     fn solve(&self, posture: &Posture, least: f64) -> Option<PosedCatch> {
         let (terminal_velocity, points) =
             self.point_to_point(&posture.q).best(self.exact_bounds(&posture.q, 1.0)?, least)?;
@@ -248,8 +253,8 @@ impl Task<'_> {
         self.planner.keeps_torque(&spline).then_some(PosedCatch { posture, speed_fraction, spline })
     }
 
-    /// Moves the elbow within its arc toward higher speed fractions, by steps that shrink where they do not help. What counts
-    /// are exact bounds a little inside the limits, which are about those of a spline.
+    /// Moves the elbow within its arc toward higher speed fractions, by steps that shrink where they do not
+    /// help. What counts are exact bounds a little inside the limits, which are about those of a spline.
     fn moved(&self, posture: &Posture, optimistic: f64) -> Posture {
         let value = |q: &JointVector| self.optimistic(q, SPLINE_FRACTION).map_or(-1.0, |it| it.speed_fraction);
         let mut best = *posture;

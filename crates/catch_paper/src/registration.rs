@@ -1,8 +1,9 @@
-//! Pose estimation as in the paper (III-B): iterative closest points (Besl and McKay, A method for registration of 3-D shapes,
-//! 1992).
+//! Pose estimation as in the paper (III-B): iterative closest points (Besl and McKay, A method for
+//! registration of 3-D shapes, 1992).
 //!
-//! Alternates between pairing each point of the scene with the nearest point of the reference, found by an hierarchy of boxes, and the
-//! rigid motion that brings the pairs together best in the least squares (Kabsch; Arun, Huang and Blostein, 1987).
+//! Alternates between pairing each point of the scene with the nearest point of the reference, found by an
+//! hierarchy of boxes, and the rigid motion that brings the pairs together best in the least squares (Kabsch;
+//! Arun, Huang and Blostein, 1987).
 
 use std::sync::Arc;
 
@@ -21,10 +22,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Whether it is that of the authors' code, not that of the text. The code starts from the last pose that it found, at first from the scan's own
-    /// frame at the world's origin, far from the object and turned against it; pairs all points with all of the scan; goes on until the
-    /// mean distance of the pairs settles; takes whatever comes out; and keeps the orientation of the scan for an object that
-    /// looks the same from all sides.
+    /// Whether it is that of the authors' code, not that of the text. The code starts from the last pose that
+    /// it found, at first from the scan's own frame at the world's origin, far from the object and turned
+    /// against it; pairs all points with all of the scan; goes on until the mean distance of the pairs
+    /// settles; takes whatever comes out; and keeps the orientation of the scan for an object that looks the
+    /// same from all sides.
     pub as_published: bool,
 }
 
@@ -33,7 +35,8 @@ pub struct Config {
 struct Ending {
     /// Iterations at most.
     iterations: usize,
-    /// Largest root mean square distance that is believed, in metres, beside three standard deviations of the depth noise.
+    /// Largest root mean square distance that is believed, in metres, beside three standard deviations of the
+    /// depth noise.
     residual_m: f64,
 }
 
@@ -62,8 +65,8 @@ impl Config {
     }
 }
 
-/// Point-to-point ICP near the predicted pose. Images are segmented, and the pose is initialized without a prior, as our
-/// own estimator does it.
+/// Point-to-point ICP near the predicted pose. Images are segmented, and the pose is initialized without a
+/// prior, as our own estimator does it.
 #[derive(Debug, Clone)]
 pub struct IcpEstimator {
     config: Config,
@@ -208,8 +211,9 @@ fn mean_noise(scene: &SceneCloud) -> f64 {
 /// Covariances below this are rounding, in m².
 const LEAST_COVARIANCE_M2: f64 = 1e-9;
 
-/// The rotation R that brings the o of pairs (o, w) onto the w best, from their covariance Σ (o − ō)(w − w̄)ᵀ = U·S·Vᵀ:
-/// R = V·diag(1, 1, det)·Uᵀ. `None` where all pair with one point, as they do from far away: that tells of no orientation.
+/// The rotation R that brings the o of pairs (o, w) onto the w best, from their covariance Σ (o − ō)(w − w̄)ᵀ
+/// = U·S·Vᵀ: R = V·diag(1, 1, det)·Uᵀ. `None` where all pair with one point, as they do from far away: that
+/// tells of no orientation.
 fn turn(covariance: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
     let svd = covariance.svd(true, true);
     let (u, v_t) = (svd.u?, svd.v_t?);

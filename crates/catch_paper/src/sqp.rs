@@ -1,18 +1,21 @@
-//! The general, nonlinear form of the paper's trajectory optimization (III-D): all joints' control points at once.
+//! The general, nonlinear form of the paper's trajectory optimization (III-D): all joints' control points at
+//! once.
 //!
 //! ```text
 //!     min   ½w·Σ|Pᵢ − q₀|² − κ·s + ρ·Σ max(0, |e| − tolerance)
 //!     P, s
 //!     s.t.  q(0), q̇(0), q̈(0) as they are,   position, velocity and acceleration limits on control points,   s within its range
 //! ```
-//! P are the control points of a cubic B-spline, s the fraction of the object's velocity at which the gripper moves along, e the
-//! errors at the waypoints ([`Waypoint`]): pose of the gripper and velocity of one of its points. The arm may have any
-//! kinematics; no closed form is asked for. What the closed forms of [`MotionPlanner`](catch_bot::trajectory_optimization::MotionPlanner) solve exactly and faster, this
-//! solves for everything else.
+//! P are the control points of a cubic B-spline, s the fraction of the object's velocity at which the gripper
+//! moves along, e the errors at the waypoints ([`Waypoint`]): pose of the gripper and velocity of one of its
+//! points. The arm may have any kinematics; no closed form is asked for. What the closed forms of
+//! [`MotionPlanner`](catch_bot::trajectory_optimization::MotionPlanner) solve exactly and faster, this solves
+//! for everything else.
 //!
-//! Sequential quadratic programming with an exact penalty in a trust region (Fletcher, Practical Methods of Optimization, section
-//! 14.4, Sℓ₁QP): the limits are linear in P and kept by every iterate, the errors are linearized and may be broken at a price.
-//! So what comes out never breaks a limit, and where the waypoints cannot be met it comes as close as it can.
+//! Sequential quadratic programming with an exact penalty in a trust region (Fletcher, Practical Methods of
+//! Optimization, section 14.4, Sℓ₁QP): the limits are linear in P and kept by every iterate, the errors are
+//! linearized and may be broken at a price. So what comes out never breaks a limit, and where the waypoints
+//! cannot be met it comes as close as it can.
 
 pub mod interior_point;
 mod layout;
@@ -31,13 +34,15 @@ const ITERATIONS: usize = 25;
 /// Trust region at the start, in radians, and the smallest that is worth a step.
 const RADIUS: f64 = 0.5;
 const LEAST_RADIUS: f64 = 1e-9;
-/// Corrections at most once the objective has converged or time is up, of what excess, and in what trust region, relative to it.
+/// Corrections at most once the objective has converged or time is up, of what excess, and in what trust
+/// region, relative to it.
 const CORRECTIONS: usize = 3;
 const CORRECTABLE: f64 = 1e-4;
 const CORRECTION_RADIUS: f64 = 100.0;
 /// An excess below this is none.
 pub const MET: f64 = 1e-8;
-/// A model that promises to gain less than this, relative, has converged: where the waypoints are met, and where not.
+/// A model that promises to gain less than this, relative, has converged: where the waypoints are met, and
+/// where not.
 const CONVERGED: f64 = 1e-5;
 const LEAST_GAIN: f64 = 1e-9;
 
@@ -79,7 +84,8 @@ impl Problem<'_> {
             let next = layout.linearize(self, &candidate);
             let violation = layout.violation(self, &next, None);
             let gained = merit - layout.objective(self, &candidate) - PRICE * violation;
-            // Near the end the linearization's error hides what the objective gains; a violation that halves is progress, too.
+            // Near the end the linearization's error hides what the objective gains; a violation that halves
+            // is progress, too.
             let halves = violation < 0.5 * layout.violation(self, &now, None);
             if gained > 0.1 * promised || halves {
                 if gained > 0.7 * promised && step.amax() > 0.9 * radius {
@@ -91,7 +97,8 @@ impl Problem<'_> {
             }
         }
         let converged = iterations < ITERATIONS;
-        // Steps along a curved constraint leave behind what its curvature costs (Maratos 1978); short ones take it away.
+        // Steps along a curved constraint leave behind what its curvature costs (Maratos 1978); short ones
+        // take it away.
         let most = iterations + CORRECTIONS;
         while iterations < most && (MET..CORRECTABLE).contains(&layout.excess(self, &now)) {
             iterations += 1;
@@ -122,8 +129,8 @@ impl Problem<'_> {
 
     /// The first control points, which the start leaves no choice about.
     ///
-    /// P₀ = q, P₁ = q + q̇·h₁/3, and P₂ from q̈ = 2·(V₁ − V₀)/h₁ with V the control points of the velocity, h₁ being the first
-    /// span.
+    /// P₀ = q, P₁ = q + q̇·h₁/3, and P₂ from q̈ = 2·(V₁ − V₀)/h₁ with V the control points of the velocity,
+    /// h₁ being the first span.
     fn fixed_points(&self) -> Vec<JointVector> {
         if self.keeps_start == StartState::Nothing {
             return Vec::new();
@@ -163,7 +170,8 @@ pub(crate) mod tests {
         .unwrap()
     }
 
-    /// A catch that is reached by construction: the end of a motion of 0.5 s that uses half of what the joints can do.
+    /// A catch that is reached by construction: the end of a motion of 0.5 s that uses half of what the
+    /// joints can do.
     fn problem<'a>(robot: &'a Robot, toward: &JointVector) -> Problem<'a> {
         let start = Setpoint::at_rest(robot.ready_q);
         let limits: Vec<JointLimits> = robot.joints.iter().map(|joint| joint.limits).collect();
@@ -199,7 +207,8 @@ pub(crate) mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
-        /// What starts, ends and moves as it should keeps every limit, whether or not it gets there; nearly all get there.
+        /// What starts, ends and moves as it should keeps every limit, whether or not it gets there; nearly
+        /// all get there.
         #[test]
         fn limits_hold_and_the_start_is_exact(toward in prop::array::uniform7(-1.0f64..1.0)) {
             let robot = iiwa();
@@ -221,7 +230,8 @@ pub(crate) mod tests {
         }
     }
 
-    /// Joints that are free at the start, a duration within bounds, no limit of acceleration: as in the authors' code.
+    /// Joints that are free at the start, a duration within bounds, no limit of acceleration: as in the
+    /// authors' code.
     #[test]
     fn a_start_within_tolerances_leaves_the_joints_free() {
         let robot = iiwa();

@@ -1,5 +1,5 @@
-//! Proofs that a catch whose time and pose are given is out of reach. Where no arc of swivel angles is left, there is nothing
-//! more to prove; here is what else can bar it.
+//! Proofs that a catch whose time and pose are given is out of reach. Where no arc of swivel angles is left,
+//! there is nothing more to prove; here is what else can bar it.
 
 use catch_body::{
     MAX_JOINTS,
@@ -30,8 +30,9 @@ impl Task<'_> {
         arcs.into_iter().all(|(branch, arc)| proof.is_barred(branch, arc, &mut pieces))
     }
 
-    /// Whether no posture is left because there can be none: always so where they are found in closed form, else if the gripper
-    /// cannot come so far, each joint moving it by no more than its angle times the length of what is beyond it.
+    /// Whether no posture is left because there can be none: always so where they are found in closed form,
+    /// else if the gripper cannot come so far, each joint moving it by no more than its angle times the
+    /// length of what is beyond it.
     pub fn is_too_far(&self) -> bool {
         let planner = self.planner;
         if matches!(planner.finder(), PostureFinder::Srs(_)) {
@@ -55,15 +56,15 @@ struct Proof<'a> {
 }
 
 impl Proof<'_> {
-    /// Whether an arc is proven to leave no velocities, by halves: a direction λ separates all that the grasp centre can do,
-    /// wherever on the arc the elbow is, from the object's direction if
+    /// Whether an arc is proven to leave no velocities, by halves: a direction λ separates all that the grasp
+    /// centre can do, wherever on the arc the elbow is, from the object's direction if
     ///
     /// ```text
     ///     max λᵀ·J_v·q̇  =  Σ max(λᵀJᵢ·q̇ᵢ) + Σ |ΔJᵢ|·max|q̇ᵢ|   <   min λᵀ·s·v_O  =  min(0, s_max·λᵀv_O)
     /// ```
-    /// where q̇ᵢ has all values that it has anywhere on the arc and |ΔJᵢ| bounds how J's columns vary along it: a column
-    /// z × (p − o) with p at rest turns with the joints before it, |ΔJᵢ| ≤ Σₖ |Δqₖ|·(|p − oᵢ| + |oᵢ − oₖ|) for k < i, and
-    /// the far ends of the arm's parts bound both distances.
+    /// where q̇ᵢ has all values that it has anywhere on the arc and |ΔJᵢ| bounds how J's columns vary along
+    /// it: a column z × (p − o) with p at rest turns with the joints before it, |ΔJᵢ| ≤ Σₖ |Δqₖ|·(|p − oᵢ| +
+    /// |oᵢ − oₖ|) for k < i, and the far ends of the arm's parts bound both distances.
     fn is_barred(&self, branch: Branch, arc: [f64; 2], pieces: &mut usize) -> bool {
         if *pieces == 0 {
             return false;
@@ -99,7 +100,8 @@ impl Proof<'_> {
             let varied: f64 = (0..i)
                 .map(|k| {
                     let (_, before) = robot.joint_axis(&X_WL, k);
-                    // The distances vary along the arc, too: each by less than the turns before it move its ends.
+                    // The distances vary along the arc, too: each by less than the turns before it move its
+                    // ends.
                     let distance = (grasp_centre - origin).norm() + (origin - before).norm();
                     turns[k] * (distance + turns[..i].iter().sum::<f64>() * 2.0 * self.task.planner.longest_reach_m())
                 })
@@ -111,8 +113,8 @@ impl Proof<'_> {
     }
 }
 
-/// What is missing between the velocities that the grasp centre can have within `bounds` and those along the object's: the
-/// shortest difference s·v − J_v·q̇.
+/// What is missing between the velocities that the grasp centre can have within `bounds` and those along the
+/// object's: the shortest difference s·v − J_v·q̇.
 pub fn shortfall(jacobian: &Jacobian, v_WO: &Vector3<f64>, bounds: &[Interval; MAX_JOINTS]) -> Option<Vector3<f64>> {
     const S: usize = MAX_JOINTS;
     let linear = jacobian.fixed_rows::<3>(3);

@@ -52,8 +52,8 @@ impl Named {
     }
 }
 
-/// Does `work` in another thread. An interrupt of the user comes out within a moment; the work then ends by itself, and nobody sees what
-/// comes of it.
+/// Does `work` in another thread. An interrupt of the user comes out within a moment; the work then ends by
+/// itself, and nobody sees what comes of it.
 pub fn interruptible<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
     const LOOKS_EVERY: Duration = Duration::from_millis(50);
     let (sender, receiver) = mpsc::channel();
@@ -145,7 +145,8 @@ pub struct Numbers {
 }
 
 impl Numbers {
-    /// Reads real, finite numbers from whatever NumPy makes an array of. `axes` says which length each axis has, 0 for any.
+    /// Reads real, finite numbers from whatever NumPy makes an array of. `axes` says which length each axis
+    /// has, 0 for any.
     pub fn read(argument: &str, value: &Bound<'_, PyAny>, axes: &[usize]) -> PyResult<Self> {
         let this = Self::of_any_shape(argument, value)?;
         let fits =

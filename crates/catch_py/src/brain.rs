@@ -102,9 +102,10 @@ impl Brain {
 
 #[pymethods]
 impl Brain {
-    /// The brain of a cell of one's own. `object` is the name or file of an object, its surface (vertices n×3 in metres, faces m×3), or a scan of
-    /// it from all around: a list of cameras and a list of their masked images. `known` are figures of it, such as `mass_kg`; `config` are
-    /// settings, such as `control.expected_latency_s`.
+    /// The brain of a cell of one's own. `object` is the name or file of an object, its surface (vertices n×3
+    /// in metres, faces m×3), or a scan of it from all around: a list of cameras and a list of their masked
+    /// images. `known` are figures of it, such as `mass_kg`; `config` are settings, such as
+    /// `control.expected_latency_s`.
     #[new]
     #[pyo3(
         signature = (robot, gripper, cameras, object, *, known=None, config=None, seed=Whole::Default(0)),
@@ -218,7 +219,8 @@ fn known_object(object: &Bound<'_, PyAny>, known: Option<&Bound<'_, PyAny>>) -> 
     Ok(KnownObject { scan, figures })
 }
 
-/// The scan of a surface whose middle is at the origin, by the cameras that scan objects in the default scenario.
+/// The scan of a surface whose middle is at the origin, by the cameras that scan objects in the default
+/// scenario.
 fn scanned(mesh: &TriangleMesh) -> PyResult<ReferenceScan> {
     let scenario = Scenario::of_asset(&asset(Kind::Scenario, DEFAULT_SCENARIO, "object")?).map_err(input_fault)?;
     let rig = asset(Kind::Rig, &scenario.reference_rig, "object")?;

@@ -44,9 +44,10 @@ pub fn pose(argument: &str, X: &[f64]) -> PyResult<Pose> {
 
 #[pymethods]
 impl Camera {
-    /// A camera with the matrix `K` of its intrinsics in pixels (3×3), where the centre of the first pixel is at (0.5, 0.5), images of
-    /// `size_px` (width, height), and its pose in the world (4×4). `rate_hz` is the number of its images per second, `sheet` the name or file of
-    /// its data sheet, which says what errors to expect: none if nothing is said.
+    /// A camera with the matrix `K` of its intrinsics in pixels (3×3), where the centre of the first pixel is
+    /// at (0.5, 0.5), images of `size_px` (width, height), and its pose in the world (4×4). `rate_hz` is the
+    /// number of its images per second, `sheet` the name or file of its data sheet, which says what errors to
+    /// expect: none if nothing is said.
     #[new]
     #[pyo3(signature = (K, size_px, X_WC, *, rate_hz=None, sheet=None))]
     #[allow(non_snake_case)]

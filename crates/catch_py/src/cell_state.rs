@@ -58,8 +58,9 @@ pub struct ArmState {
 
 #[pymethods]
 impl ArmState {
-    /// The arm at `time_s` on the cell's clock: positions `q` and velocities `dq` of the joints as the encoders give them, and the positions,
-    /// velocities and accelerations that the controller asks for (3×n), those of `q` at rest if nothing is said.
+    /// The arm at `time_s` on the cell's clock: positions `q` and velocities `dq` of the joints as the
+    /// encoders give them, and the positions, velocities and accelerations that the controller asks for
+    /// (3×n), those of `q` at rest if nothing is said.
     #[new]
     #[pyo3(signature = (time_s, q, dq, commanded=None, executing=None, rejected=None))]
     fn new(
@@ -139,8 +140,8 @@ impl ArmState {
     }
 }
 
-/// A trajectory that a robot controller did not take, and why: `malformed`, `unknown_joint`, `repeated_id`, `late`, `discontinuous`,
-/// `not_at_rest`, `limit` or `declined`.
+/// A trajectory that a robot controller did not take, and why: `malformed`, `unknown_joint`, `repeated_id`,
+/// `late`, `discontinuous`, `not_at_rest`, `limit` or `declined`.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Rejection {
     rejected: RejectedTrajectory,
@@ -197,7 +198,8 @@ impl Rejection {
         self.parts().0
     }
 
-    /// Which joint, when and by how much, as far as the reason says: `joint`, `time_s`, `by_s`, `size`, `kind`, `ratio`, `dof`.
+    /// Which joint, when and by how much, as far as the reason says: `joint`, `time_s`, `by_s`, `size`,
+    /// `kind`, `ratio`, `dof`.
     #[getter]
     fn details<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         json_dict(py, &self.parts().1)
@@ -217,8 +219,8 @@ pub struct GripperState {
 
 #[pymethods]
 impl GripperState {
-    /// The distance between the fingers' inner faces, its rate of change, each finger's force, and what the drive makes of its grasp: `idle`,
-    /// `positioning`, `grasping`, `holding`, `no_part` or `part_lost`.
+    /// The distance between the fingers' inner faces, its rate of change, each finger's force, and what the
+    /// drive makes of its grasp: `idle`, `positioning`, `grasping`, `holding`, `no_part` or `part_lost`.
     #[new]
     #[pyo3(
         signature = (width_m, speed_mps=None, force_n=None, grasp="idle"),

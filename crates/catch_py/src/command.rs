@@ -212,8 +212,8 @@ impl Command {
     fn gripper(&self) -> Option<Vec<GripperMove>> {
         self.sent.gripper.as_ref().map(|moves| moves.iter().map(|&sent| GripperMove { sent }).collect())
     }
-    /// The part of each camera's next images that the brain wants, as (left, top, width, height) in pixels; `None` means all that the cameras
-    /// give by themselves.
+    /// The part of each camera's next images that the brain wants, as (left, top, width, height) in pixels;
+    /// `None` means all that the cameras give by themselves.
     #[getter]
     fn windows(&self) -> Option<Vec<Window>> {
         self.sent.windows.as_ref().map(|windows| windows.iter().map(window_of).collect())

@@ -1,4 +1,5 @@
-//! Arms, grippers and objects from their files: texts for whoever reads them, numbers for whoever simulates them.
+//! Arms, grippers and objects from their files: texts for whoever reads them, numbers for whoever simulates
+//! them.
 
 use std::path::PathBuf;
 
@@ -130,9 +131,10 @@ impl Robot {
         Ok(PyArray2::from_vec2(py, &rows)?)
     }
 
-    /// All that a simulator needs. `X_WB` is the pose of the base. Each of `joints` has `name`, `link`, `X_PL` (pose of its link in the one
-    /// before while the joint is at zero), `axis` (in the link), `lower`, `upper`, `torque`, `damping`, `rotor_inertia`, and the link's `mass`,
-    /// `com` and `inertia` (about it). `X_LG` is the pose of the gripper in the last link. `capsules` are its shape: `link` (0 is the base),
+    /// All that a simulator needs. `X_WB` is the pose of the base. Each of `joints` has `name`, `link`,
+    /// `X_PL` (pose of its link in the one before while the joint is at zero), `axis` (in the link), `lower`,
+    /// `upper`, `torque`, `damping`, `rotor_inertia`, and the link's `mass`, `com` and `inertia` (about it).
+    /// `X_LG` is the pose of the gripper in the last link. `capsules` are its shape: `link` (0 is the base),
     /// `from`, `to`, `radius`. `boxes` (`X_WS`, `size`) and `obstacle_capsules` stand around it.
     #[getter]
     fn numbers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {

@@ -14,7 +14,8 @@ use crate::{
     equipment::{Gripper, Robot},
 };
 
-/// The trajectory queue of an arm: checks what arrives, splices each trajectory into the one before it, and samples the set-point.
+/// The trajectory queue of an arm: checks what arrives, splices each trajectory into the one before it, and
+/// samples the set-point.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Executor {
     executor: Mutex<CellExecutor>,
@@ -39,8 +40,8 @@ impl Executor {
         Ok(Self { executor: Mutex::new(CellExecutor::new(arm, q, ExecutorConfig::default())), dof })
     }
 
-    /// Takes a trajectory that arrives at `now_s`: it replaces from its start on all that was queued. If it is not taken: why; the next
-    /// `arm_state` tells the brain.
+    /// Takes a trajectory that arrives at `now_s`: it replaces from its start on all that was queued. If it
+    /// is not taken: why; the next `arm_state` tells the brain.
     fn receive(&self, trajectory: &Bound<'_, PyAny>, now_s: &Bound<'_, PyAny>) -> PyResult<Option<Rejection>> {
         let wrong = |_| PyTypeError::new_err("trajectory: expected a Trajectory");
         let trajectory = trajectory.cast::<Trajectory>().map_err(wrong)?.get();
@@ -51,14 +52,15 @@ impl Executor {
         Ok(self.locked().receive(&sent, now_s).err().map(rejected))
     }
 
-    /// Position, velocity and acceleration of the joints that the arm should have at `time_s`, one a row. No earlier time is asked for
-    /// afterwards.
+    /// Position, velocity and acceleration of the joints that the arm should have at `time_s`, one a row. No
+    /// earlier time is asked for afterwards.
     fn advance<'py>(&self, py: Python<'py>, time_s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let time_s = quantity("time_s", time_s, &quantity::CLOCK_S)?;
         setpoint_array(py, &self.locked().advance(time_s), self.dof)
     }
 
-    /// The state that the brain is told, with what was rejected since the last call: `q` and `dq` as the encoders have them at `time_s`.
+    /// The state that the brain is told, with what was rejected since the last call: `q` and `dq` as the
+    /// encoders have them at `time_s`.
     fn arm_state(&self, time_s: &Bound<'_, PyAny>, q: &Bound<'_, PyAny>, dq: &Bound<'_, PyAny>) -> PyResult<ArmState> {
         let (q, dq) = (joints("q", q, self.dof)?, joints("dq", dq, self.dof)?);
         let time_s = quantity("time_s", time_s, &quantity::CLOCK_S)?;

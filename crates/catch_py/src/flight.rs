@@ -85,8 +85,9 @@ impl Flight {
 
 #[pymethods]
 impl Flight {
-    /// The flight through position `p` with velocity `v` at `time_s`: orientation `q` as x, y, z, w, angular velocity `w`, `drag_per_m` for the
-    /// constant of its drag, and the 6×6 covariance of position and velocity.
+    /// The flight through position `p` with velocity `v` at `time_s`: orientation `q` as x, y, z, w, angular
+    /// velocity `w`, `drag_per_m` for the constant of its drag, and the 6×6 covariance of position and
+    /// velocity.
     #[new]
     #[pyo3(signature = (time_s, p, v, *, q=None, w=None, drag_per_m=None, covariance=None))]
     fn new(
@@ -164,8 +165,9 @@ impl Flight {
     }
 }
 
-/// The flight through a track: `t` in seconds, `p` in metres (n×3), orientations `q` as x, y, z, w (n×4). `up` is the axis that points
-/// up; `drag` is a known constant of isotropic drag in 1/m with its standard deviation.
+/// The flight through a track: `t` in seconds, `p` in metres (n×3), orientations `q` as x, y, z, w (n×4).
+/// `up` is the axis that points up; `drag` is a known constant of isotropic drag in 1/m with its standard
+/// deviation.
 #[pyfunction]
 #[pyo3(signature = (t, p, q=None, up="z", drag=None))]
 pub fn predict(

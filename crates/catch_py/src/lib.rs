@@ -1,9 +1,9 @@
-//! The Python package `catchingbot`: throws, evaluations, predictions, registrations and plans, the arena step by step, and the contract
-//! for cells of one's own.
+//! The Python package `catchingbot`: throws, evaluations, predictions, registrations and plans, the arena
+//! step by step, and the contract for cells of one's own.
 //!
-//! Every argument is checked before any work begins, and exceptions name it. The interpreter is detached while the lab works, so that
-//! other Python threads go on. Arrays are copied in and out. Units are SI; matrices are in monogram notation, as in the rest of the
-//! project.
+//! Every argument is checked before any work begins, and exceptions name it. The interpreter is detached
+//! while the lab works, so that other Python threads go on. Arrays are copied in and out. Units are SI;
+//! matrices are in monogram notation, as in the rest of the project.
 
 mod arguments;
 mod brain;

@@ -38,8 +38,8 @@ impl Observation {
 
 #[pymethods]
 impl Observation {
-    /// What is sensed at `time_s` on the cell's clock. `frames` are the images that have arrived since the last observation: any number, in any
-    /// order, taken at `time_s` or before.
+    /// What is sensed at `time_s` on the cell's clock. `frames` are the images that have arrived since the
+    /// last observation: any number, in any order, taken at `time_s` or before.
     #[new]
     #[pyo3(signature = (time_s, arm, gripper, frames=None), text_signature = "(time_s, arm, gripper, frames=())")]
     fn of_parts(
@@ -132,9 +132,10 @@ impl DepthFrame {
 
 #[pymethods]
 impl DepthFrame {
-    /// An image of camera number `camera`, whose shutter closed at `capture_s` on the cell's clock: depths along the optical axis in metres, rows
-    /// by columns. Zero, NaN and infinity are no depth. `window` (left, top, width, height) is the part of the image that this is, all of it if
-    /// nothing is said; `mask` tells which of its pixels show the object, where the cell's sensors can tell.
+    /// An image of camera number `camera`, whose shutter closed at `capture_s` on the cell's clock: depths
+    /// along the optical axis in metres, rows by columns. Zero, NaN and infinity are no depth. `window`
+    /// (left, top, width, height) is the part of the image that this is, all of it if nothing is said; `mask`
+    /// tells which of its pixels show the object, where the cell's sensors can tell.
     #[new]
     #[pyo3(signature = (camera, capture_s, depth_m, window=None, mask=None))]
     fn new(
@@ -238,7 +239,8 @@ fn read_window(window: &Bound<'_, PyAny>, [width, height]: [usize; 2]) -> PyResu
     Ok(PixelWindow { left: found.0, top: found.1, width: found.2, height: found.3 })
 }
 
-/// An array of rows whose numbers are of this kind, as NumPy names kinds, as a contiguous one of the type `dtype`.
+/// An array of rows whose numbers are of this kind, as NumPy names kinds, as a contiguous one of the type
+/// `dtype`.
 fn rows<'py, T: Element>(
     value: &Bound<'py, PyAny>,
     argument: &str,

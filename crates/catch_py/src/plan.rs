@@ -27,7 +27,8 @@ impl Plan {
 
 #[pymethods]
 impl Plan {
-    /// `planned`, `plan_kept` for one that is executed already, or why not: `out_of_reach`, `no_grasp`, `blocked`, `no_plan` or `out_of_budget`.
+    /// `planned`, `plan_kept` for one that is executed already, or why not: `out_of_reach`, `no_grasp`,
+    /// `blocked`, `no_plan` or `out_of_budget`.
     #[getter]
     fn status(&self) -> String {
         name_of(self.decision.status)

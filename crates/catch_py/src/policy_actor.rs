@@ -44,7 +44,8 @@ fn period_s(setup: &Setup) -> f64 {
 pub struct SteeredArm {
     steering: Steering,
     is_delta: bool,
-    /// What holds the arm at the beginning, and the newest trajectories that were sent and not rejected, with their identifiers.
+    /// What holds the arm at the beginning, and the newest trajectories that were sent and not rejected, with
+    /// their identifiers.
     sent: Vec<(u64, BSpline)>,
     last_id: u64,
     closes: Option<bool>,
@@ -146,7 +147,8 @@ impl ShiftedBrain {
         Some((command, snapshot, since.elapsed().as_secs_f64()))
     }
 
-    /// Offsets of the joints from the brain's motion, how long it is until the catch in seconds, and 1 where one is planned.
+    /// Offsets of the joints from the brain's motion, how long it is until the catch in seconds, and 1 where
+    /// one is planned.
     pub fn seen(&self, setup: &Setup, time_s: f64) -> SeenArray {
         let offset = self.motion.offset(time_s).q;
         let plan = self.report().plan.as_ref().map_or([0.0; 2], |plan| [plan.catch_s - time_s, 1.0]);

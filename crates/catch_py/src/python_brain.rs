@@ -87,7 +87,8 @@ pub struct Made {
 }
 
 impl Made {
-    /// Calls its method with what `arguments` gives and reads the answer; nothing from the first exception of the evaluation on.
+    /// Calls its method with what `arguments` gives and reads the answer; nothing from the first exception of
+    /// the evaluation on.
     pub fn ask<A, T>(
         &self,
         arguments: impl FnOnce(Python<'_>) -> PyResult<A>,

@@ -24,8 +24,8 @@ pub struct RegisteredPose {
 
 #[pymethods]
 impl RegisteredPose {
-    /// `registered`, `degenerate` where other poses explain the cloud as well, `implausible` where its stated noise does not explain how far
-    /// the points are off, or what was missing.
+    /// `registered`, `degenerate` where other poses explain the cloud as well, `implausible` where its stated
+    /// noise does not explain how far the points are off, or what was missing.
     #[getter]
     fn status(&self) -> String {
         name_of(self.found.status)
@@ -61,8 +61,8 @@ impl RegisteredPose {
     }
 }
 
-/// Looks in `points` (n×3, metres) for `reference`: the name or file of an object, a file of a cloud or mesh, or points all around it
-/// (m×3). `noise_m` is the standard deviation of the points.
+/// Looks in `points` (n×3, metres) for `reference`: the name or file of an object, a file of a cloud or mesh,
+/// or points all around it (m×3). `noise_m` is the standard deviation of the points.
 #[pyfunction]
 #[pyo3(signature = (points, reference, noise_m=None), text_signature = "(points, reference, noise_m=0.0)")]
 pub fn register(

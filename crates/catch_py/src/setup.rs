@@ -33,8 +33,8 @@ use crate::{
     trial::Trial,
 };
 
-/// A scenario by name or file, with another robot, gripper, workcell, object, throw or method ('ours' or 'paper'), and with single fields
-/// changed: `settings={"arena.drag": False}`.
+/// A scenario by name or file, with another robot, gripper, workcell, object, throw or method ('ours' or
+/// 'paper'), and with single fields changed: `settings={"arena.drag": False}`.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Setup {
     lab: Arc<LabSetup>,
@@ -160,9 +160,9 @@ impl Setup {
         Gripper::of_setup(&self.lab.gripper, &self.lab.sources)
     }
 
-    /// The object as it truly is: `name`, `mass`, `com`, `inertia` about it, `restitution`, `stiffness_npm`, its surface (`vertices`, `faces`)
-    /// and the convex `parts` as which it collides, each a `hull` of points or a `ball` with
-    /// `centre` and `radius_m`.
+    /// The object as it truly is: `name`, `mass`, `com`, `inertia` about it, `restitution`, `stiffness_npm`,
+    /// its surface (`vertices`, `faces`) and the convex `parts` as which it collides, each a `hull` of points
+    /// or a `ball` with `centre` and `radius_m`.
     #[getter]
     fn object<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         object_dict(py, &self.lab)
@@ -180,7 +180,8 @@ impl Setup {
         self.thrown(py, seed, index, |lab, seed, index| Trial::run(lab, seed, index))?
     }
 
-    /// All that is drawn for a throw: release, friction, restitution, air, masses, mount, where the cameras truly stand. Recordings have it, too.
+    /// All that is drawn for a throw: release, friction, restitution, air, masses, mount, where the cameras
+    /// truly stand. Recordings have it, too.
     #[pyo3(signature = (seed=Whole::Default(1), index=Whole::Default(0)), text_signature = "($self, seed=1, index=0)")]
     fn conditions<'py>(&self, py: Python<'py>, seed: Whole, index: Whole) -> PyResult<Bound<'py, PyDict>> {
         let drawn =
@@ -188,11 +189,12 @@ impl Setup {
         json_dict(py, &drawn)
     }
 
-    /// Throws `trials` times on all cores, or on `threads` at a time, from throw number `first` on: a table with a column for each
-    /// quantity. `brain(setup, seed, index)` makes a brain with a method `tick(observation)` that returns a `Command` or `None`.
-    /// Likewise `predictor` and `planner` make these stages of the scenario's brain: objects with `predict(poses, previous)`, which returns a
-    /// `Flight` or `None`, and with `plan(situation)`, which returns a `Plan` or `None`.
-    /// `progress(done, trials)` is called after each throw.
+    /// Throws `trials` times on all cores, or on `threads` at a time, from throw number `first` on: a table
+    /// with a column for each quantity. `brain(setup, seed, index)` makes a brain with a method
+    /// `tick(observation)` that returns a `Command` or `None`. Likewise `predictor` and `planner` make these
+    /// stages of the scenario's brain: objects with `predict(poses, previous)`, which returns a `Flight` or
+    /// `None`, and with `plan(situation)`, which returns a `Plan` or `None`. `progress(done, trials)` is
+    /// called after each throw.
     #[pyo3(
         signature = (trials=Whole::Default(57), *, seed=Whole::Default(1), first=Whole::Default(0), threads=None, brain=None, predictor=None, planner=None, progress=None),
         text_signature = "($self, trials=57, *, seed=1, first=0, threads=None, brain=None, predictor=None, planner=None, progress=None)"
@@ -239,7 +241,8 @@ impl Setup {
         evaluate(py, &slf.get().lab, asked)
     }
 
-    /// A catch of `flight` for an arm with joint positions `q` and velocities `dq` at the time `now_s` on the flight's clock.
+    /// A catch of `flight` for an arm with joint positions `q` and velocities `dq` at the time `now_s` on the
+    /// flight's clock.
     fn plan(
         &self,
         py: Python<'_>,
@@ -278,8 +281,9 @@ impl Setup {
         interruptible(py, move || Brain::of_setup(&lab, seed, index))
     }
 
-    /// The same for learned policies. `obs` is what is seen besides the arm: 'state', 'pose', 'depth' or 'cloud'; `action` is what the numbers of
-    /// an action are: 'acceleration' or 'delta', or 'residual' where the scenario's brain acts and the policy shifts its motions.
+    /// The same for learned policies. `obs` is what is seen besides the arm: 'state', 'pose', 'depth' or
+    /// 'cloud'; `action` is what the numbers of an action are: 'acceleration' or 'delta', or 'residual' where
+    /// the scenario's brain acts and the policy shifts its motions.
     #[pyo3(
         signature = (seed=Whole::Default(1), index=Whole::Default(0), *, obs="state", action="acceleration"),
         text_signature = "($self, seed=1, index=0, *, obs='state', action='acceleration')"

@@ -1,4 +1,5 @@
-//! The arena for learned policies: actions are accelerations of the joints, observations are arrays of one shape.
+//! The arena for learned policies: actions are accelerations of the joints, observations are arrays of one
+//! shape.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -177,8 +178,8 @@ impl State {
 
 #[pymethods]
 impl SteeredArena {
-    /// Acts until the next image; whether the throw is over then. `action` has a number from -1 to 1 for each joint and, unless a brain acts
-    /// along, one for the gripper, which closes above 0.
+    /// Acts until the next image; whether the throw is over then. `action` has a number from -1 to 1 for each
+    /// joint and, unless a brain acts along, one for the gripper, which closes above 0.
     fn step(&self, py: Python<'_>, action: &Bound<'_, PyAny>) -> PyResult<bool> {
         let action = Numbers::read("action", action, &[self.action.len(self.setup.robot.dof())])?.values;
         self.with(py, |state| {
@@ -194,9 +195,10 @@ impl SteeredArena {
         })
     }
 
-    /// What was sensed last, as arrays of one shape: `arm` (positions, velocities, gripper width, time), and `object` (position, orientation as
-    /// x, y, z, w, velocity, angular velocity, and 1 where it is seen), `depth` or `cloud`. Where a brain acts along, `plan` has the offsets of the
-    /// joints from its motion, the seconds until its catch, and 1 where one is planned.
+    /// What was sensed last, as arrays of one shape: `arm` (positions, velocities, gripper width, time), and
+    /// `object` (position, orientation as x, y, z, w, velocity, angular velocity, and 1 where it is seen),
+    /// `depth` or `cloud`. Where a brain acts along, `plan` has the offsets of the joints from its motion,
+    /// the seconds until its catch, and 1 where one is planned.
     #[getter]
     fn observation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let seen = self.with(py, |state| Ok(state.seen.clone()))?;

@@ -10,7 +10,8 @@ use crate::{
     setup::Setup,
 };
 
-/// What a study's steps are called, and of how many conditions each is, by how many throws the trials of an object are shared.
+/// What a study's steps are called, and of how many conditions each is, by how many throws the trials of an
+/// object are shared.
 #[pyfunction]
 pub fn study_steps(py: Python<'_>, study: &str) -> PyResult<Vec<(String, usize, usize)>> {
     let study = py.detach(|| Study::load(study, ("study", "study"))).map_err(input_fault)?;

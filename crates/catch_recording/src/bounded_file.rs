@@ -109,8 +109,8 @@ impl<'a> FileKind<'a> {
     }
 }
 
-/// What a path leads to where its names are spelt in another form of Unicode than on the disk, as file systems and editors differ: `é` is
-/// one character or two. The path itself where there is nothing like it.
+/// What a path leads to where its names are spelt in another form of Unicode than on the disk, as file
+/// systems and editors differ: `é` is one character or two. The path itself where there is nothing like it.
 pub fn as_spelt(path: &Path) -> PathBuf {
     if path.as_os_str().is_ascii() || fs::symlink_metadata(path).is_ok() {
         return path.to_owned();

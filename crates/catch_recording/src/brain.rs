@@ -152,8 +152,8 @@ pub type ChosenCycle =
 
 /// A brain in a trial.
 pub trait ObservedBrain: Brain {
-    /// What it knew and decided in its last tick, if it tells. Without it the referee still judges what was caught, but not
-    /// how well the flight was predicted.
+    /// What it knew and decided in its last tick, if it tells. Without it the referee still judges what was
+    /// caught, but not how well the flight was predicted.
     fn report(&self) -> Option<&Report> {
         None
     }

@@ -16,14 +16,16 @@ use crate::{
 
 /// Records a run of [`catch_cell::run`], called from its recorder.
 ///
-/// [`replay`](crate::replay) builds the brain again from the [`RecordedCell`], whose stages are those that its settings choose.
+/// [`replay`](crate::replay) builds the brain again from the [`RecordedCell`], whose stages are those that
+/// its settings choose.
 pub struct CellRecorder {
     recorder: Recorder,
     timeline: Timeline,
 }
 
 impl CellRecorder {
-    /// Begins the recording `name`, a file name without ending, in `folder`, which is made if it does not exist.
+    /// Begins the recording `name`, a file name without ending, in `folder`, which is made if it does not
+    /// exist.
     ///
     /// # Errors
     /// If the name is not that of a file, or if folder or file cannot be written.
@@ -46,8 +48,8 @@ impl CellRecorder {
         self.recorder.ticked(&tick)
     }
 
-    /// Ends the recording and gives the file its name, which is returned; one that is dropped leaves nothing. A cell that failed ends a
-    /// run, not its recording.
+    /// Ends the recording and gives the file its name, which is returned; one that is dropped leaves nothing.
+    /// A cell that failed ends a run, not its recording.
     ///
     /// # Errors
     /// If it cannot be written.

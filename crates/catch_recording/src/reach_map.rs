@@ -1,7 +1,8 @@
 //! Reach maps: worked out on all cores, and kept on disk from then on.
 //!
-//! A map belongs to a chain, its limits, its mount and its ready pose. It lies in `catchingbot/reach-maps` in the user's folder for
-//! caches, `$XDG_CACHE_HOME` or `~/.cache`, which may be deleted at any time; where nothing can be stored it is worked out again.
+//! A map belongs to a chain, its limits, its mount and its ready pose. It lies in `catchingbot/reach-maps` in
+//! the user's folder for caches, `$XDG_CACHE_HOME` or `~/.cache`, which may be deleted at any time; where
+//! nothing can be stored it is worked out again.
 
 use std::{
     env, fs,
@@ -54,7 +55,8 @@ fn kept_in(folder: Option<&Path>, robot: &Robot) -> ReachMap {
     })
 }
 
-/// Puts a file in its place as a whole, whoever else does the same, and deletes the oldest where there are too many.
+/// Puts a file in its place as a whole, whoever else does the same, and deletes the oldest where there are
+/// too many.
 fn store(folder: &Path, file: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut unfinished = Unfinished::beside(file)?;
     unfinished.write_all(bytes)?;

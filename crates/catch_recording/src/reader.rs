@@ -46,7 +46,8 @@ struct Preamble {
     version: String,
 }
 
-/// Reads a recording, tick by tick. `S` is read of what a simulation says of itself, `T` of what only it knows.
+/// Reads a recording, tick by tick. `S` is read of what a simulation says of itself, `T` of what only it
+/// knows.
 pub struct RecordingReader<S = IgnoredAny, T = IgnoredAny> {
     file: String,
     input: Input,

@@ -1,4 +1,5 @@
-//! Replays: the brain of a recording, built again, sees the recorded observations, and its commands are compared with the recorded ones.
+//! Replays: the brain of a recording, built again, sees the recorded observations, and its commands are
+//! compared with the recorded ones.
 
 use std::sync::Arc;
 
@@ -21,7 +22,8 @@ use crate::{
 pub struct Compared<T> {
     /// Number of ticks that were compared.
     pub ticks: usize,
-    /// When the first image is missing, from where on nothing can be compared; `None` where the recording has all.
+    /// When the first image is missing, from where on nothing can be compared; `None` where the recording has
+    /// all.
     pub images_until_s: Option<f64>,
     /// The first difference; `None` where all commands that were compared are identical.
     pub difference: Option<Difference>,

@@ -107,7 +107,8 @@ pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), InputError> {
     replace(path, PLACE, |file| file.write_all(content.as_ref()))
 }
 
-/// Tells before a long work whether new files can be written there; `asked_by` is the argument that names them.
+/// Tells before a long work whether new files can be written there; `asked_by` is the argument that names
+/// them.
 ///
 /// # Errors
 /// If one of them is there already, or if its folder cannot be written.
@@ -154,8 +155,8 @@ fn already_there(path: &Path, asked_by: &str) -> InputError {
     InputError::new(COMMAND_LINE, asked_by, format!("`{}`, which is already there", path.display()), FREE)
 }
 
-/// Makes a folder, where there is none, writes into it to see whether that is possible, and takes away what killed programs left there;
-/// `asked_by` is the argument that names it.
+/// Makes a folder, where there is none, writes into it to see whether that is possible, and takes away what
+/// killed programs left there; `asked_by` is the argument that names it.
 ///
 /// # Errors
 /// If it cannot be written.

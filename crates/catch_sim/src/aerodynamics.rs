@@ -4,8 +4,8 @@
 //!
 //! a = −k·|u|·(u + R·E·Rᵀ·u) + c_M·ω×u, ω̇ = J⁻¹·(J·ω×ω) − c·ω
 //!
-//! E is symmetric and fixed to the object: the drag matrix is k·(1 + E), which also makes lift. c_M is the Magnus coefficient and c the
-//! decay of the spin. No other torque of the air is modelled.
+//! E is symmetric and fixed to the object: the drag matrix is k·(1 + E), which also makes lift. c_M is the
+//! Magnus coefficient and c the decay of the spin. No other torque of the air is modelled.
 
 use std::f64::consts::TAU;
 
@@ -15,11 +15,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::random_streams::Draws;
 
-/// Moments of inertia that differ by less than this fraction are those of an object that the air brakes alike along both axes.
+/// Moments of inertia that differ by less than this fraction are those of an object that the air brakes alike
+/// along both axes.
 const ALIKE: f64 = 0.01;
 
-/// A matrix without trace along the principal axes of inertia, with size·cos φ, size·cos(φ + 120°) and size·cos(φ + 240°) on its diagonal; of those
-/// along axes of equal moments, the mean.
+/// A matrix without trace along the principal axes of inertia, with size·cos φ, size·cos(φ + 120°) and
+/// size·cos(φ + 240°) on its diagonal; of those along axes of equal moments, the mean.
 fn deviation(inertia_kgm2: &Matrix3<f64>, size: f64, phase: f64) -> Matrix3<f64> {
     let SymmetricEigen { eigenvalues, eigenvectors } = inertia_kgm2.symmetric_eigen();
     let each = Vector3::from_fn(|i, _| size * libm::cos(phase + TAU / 3.0 * i as f64));
@@ -31,13 +32,15 @@ fn deviation(inertia_kgm2: &Matrix3<f64>, size: f64, phase: f64) -> Matrix3<f64>
     eigenvectors * Matrix3::from_diagonal(&shared) * eigenvectors.transpose()
 }
 
-/// Ranges of the aerodynamic forces of a throw. All zero by default: the air brakes an object alike from all sides, if at all.
+/// Ranges of the aerodynamic forces of a throw. All zero by default: the air brakes an object alike from all
+/// sides, if at all.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AerodynamicsConfig {
-    /// How much more or less than the mean of the three the air may brake an object along one of its principal axes of inertia. Every throw
-    /// draws the largest deviation uniformly up to this, and how it is divided; axes of equal moments of inertia have equal drag, so
-    /// none deviates in a ball. It counts where there is drag.
+    /// How much more or less than the mean of the three the air may brake an object along one of its
+    /// principal axes of inertia. Every throw draws the largest deviation uniformly up to this, and how it is
+    /// divided; axes of equal moments of inertia have equal drag, so none deviates in a ball. It counts where
+    /// there is drag.
     #[serde(deserialize_with = "quantity::spread")]
     pub drag_anisotropy: f64,
     /// Every throw draws its Magnus coefficient c_M of a = c_M·ω×v uniformly up to this.

@@ -31,10 +31,11 @@ use crate::{
 const RELEASE_GAP_M: f64 = 1e-3;
 /// Solver substeps per step: at 4 the outcome of a catch agrees with MuJoCo in 62 of 63 cases.
 const SUBSTEPS: usize = 4;
-/// Within these distances from the gripper's origin, in all and along its z, the paper's sensor sees the object's, in metres (code).
+/// Within these distances from the gripper's origin, in all and along its z, the paper's sensor sees the
+/// object's, in metres (code).
 const SENSED_WITHIN_M: [f64; 2] = [0.25, 0.01];
-/// While the object is farther than this from arm, gripper and floor the physics takes fewer substeps, in metres: what the
-/// fastest object and the fastest gripper do not cover in ten steps.
+/// While the object is farther than this from arm, gripper and floor the physics takes fewer substeps, in
+/// metres: what the fastest object and the fastest gripper do not cover in ten steps.
 const ALONE_M: f64 = 0.15;
 
 /// An arm, a gripper, cameras and an object in flight.
@@ -66,7 +67,8 @@ pub struct Arena {
 }
 
 impl Arena {
-    /// The scene (`seed`, `index`): the object is released at t = 0, the arm waits at `ready_q` with the gripper open.
+    /// The scene (`seed`, `index`): the object is released at t = 0, the arm waits at `ready_q` with the
+    /// gripper open.
     pub fn new(equipment: &Equipment, release: &Release, ready_q: &JointVector, seed: u64, index: u64) -> Self {
         let Shared { config, robot, robot_with_gripper, gripper, object, cameras, .. } = &*equipment.shared;
         let conditions = Conditions::draw(config, object, seed, index);
@@ -156,9 +158,9 @@ impl Arena {
         )
     }
 
-    /// The object is taken away, and that of `equipment` is released now: throw number `index` of `seed`. All else stays as it is,
-    /// the robot's and the cameras' errors included; `equipment` must have the same arm, gripper and cameras. The next image is of
-    /// this instant.
+    /// The object is taken away, and that of `equipment` is released now: throw number `index` of `seed`. All
+    /// else stays as it is, the robot's and the cameras' errors included; `equipment` must have the same arm,
+    /// gripper and cameras. The next image is of this instant.
     pub fn throw_next(&mut self, equipment: &Equipment, release: &Release, seed: u64, index: u64) {
         let Shared { config, object, .. } = &*equipment.shared;
         self.conditions = Conditions::draw(config, object, seed, index);
@@ -251,8 +253,8 @@ impl Arena {
         if self.is_alone { self.config().substeps_alone } else { SUBSTEPS }
     }
 
-    /// Torque on a soft object by the fingers' patches, against its rotation about their normal; it stops the rotation at most. What
-    /// the gripper feels of it is less than a thousandth of its own weight.
+    /// Torque on a soft object by the fingers' patches, against its rotation about their normal; it stops the
+    /// rotation at most. What the gripper feels of it is less than a thousandth of its own weight.
     fn spin_friction(&self) -> Vector3<f64> {
         let object = &self.equipment.shared.object;
         let Some(last) = self.truth.samples.last() else { return Vector3::zeros() };
@@ -268,8 +270,8 @@ impl Arena {
         -normal_W * (rate.signum() * most.min(stopping))
     }
 
-    /// Where the links are. What stands for the last one carries the gripper where it truly is: its outline and its surface
-    /// are those of the model.
+    /// Where the links are. What stands for the last one carries the gripper where it truly is: its outline
+    /// and its surface are those of the model.
     fn link_poses(&self, q: &JointVector) -> LinkPoses {
         let model = &self.equipment.shared.robot;
         let mut X_WL = self.true_robot.link_poses(q);

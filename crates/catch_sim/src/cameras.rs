@@ -1,7 +1,7 @@
 //! Depth cameras: what they see of a scene, and what they make of it.
 //!
-//! Cameras see by ray casting, one ray through the centre of each pixel ([`Renderer`]), which is exact. What real sensors do to
-//! such images is added to them ([`DepthCameras`], [`depth_noise`](crate::depth_noise)).
+//! Cameras see by ray casting, one ray through the centre of each pixel ([`Renderer`]), which is exact. What
+//! real sensors do to such images is added to them ([`DepthCameras`], [`depth_noise`](crate::depth_noise)).
 
 mod counter_generator;
 mod measurement;

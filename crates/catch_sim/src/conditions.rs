@@ -1,7 +1,8 @@
-//! What differs from throw to throw besides the throw itself: materials, air, spin, and the robot's own errors.
+//! What differs from throw to throw besides the throw itself: materials, air, spin, and the robot's own
+//! errors.
 //!
-//! Everything is drawn from a stream of its own, and drawn whether it is switched on or not: what one setting does never
-//! shows in another.
+//! Everything is drawn from a stream of its own, and drawn whether it is switched on or not: what one setting
+//! does never shows in another.
 
 use std::f64::consts::TAU;
 

@@ -18,21 +18,24 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArenaConfig {
-    /// How the gripper is driven. `ideal`: as strong as the real one, without limit of speed beyond the fingers' own inertia and without
-    /// latency. `real`: within the limits of its file, with the connection of its table `drive`. `position`: by the paper's
-    /// controllers, one for each finger, which jump to the commanded width whatever speed and force the command has.
+    /// How the gripper is driven. `ideal`: as strong as the real one, without limit of speed beyond the
+    /// fingers' own inertia and without latency. `real`: within the limits of its file, with the connection
+    /// of its table `drive`. `position`: by the paper's controllers, one for each finger, which jump to the
+    /// commanded width whatever speed and force the command has.
     pub gripper: GripperDriveKind,
-    /// What makes the fingers close. `command`: the brain's commands. `proximity`: a sensor in the gripper that sees where the object truly
-    /// is, as in the paper's simulator; commands are ignored.
+    /// What makes the fingers close. `command`: the brain's commands. `proximity`: a sensor in the gripper
+    /// that sees where the object truly is, as in the paper's simulator; commands are ignored.
     pub gripper_trigger: GripperTrigger,
-    /// Whether objects have the shapes, the frames and the mass properties of the paper's simulator, which stand in the table
-    /// `published` of their files. Off by default: inertias are wrong by factors of 10 to 10,000.
+    /// Whether objects have the shapes, the frames and the mass properties of the paper's simulator, which
+    /// stand in the table `published` of their files. Off by default: inertias are wrong by factors of 10 to
+    /// 10,000.
     pub published_bodies: bool,
-    /// Whether the gripper has the moments of inertia and the fingertips that it has in the paper's simulator, if its file says so.
+    /// Whether the gripper has the moments of inertia and the fingertips that it has in the paper's
+    /// simulator, if its file says so.
     pub published_gripper: bool,
-    /// Coulomb friction coefficient of all contacts: a number, or `{ min, max }` from which every throw draws one. Default
-    /// 0.667, to which the paper's simulator combines its materials; there is no sourced value for rubber on felt. An object whose
-    /// own file has a friction coefficient keeps that.
+    /// Coulomb friction coefficient of all contacts: a number, or `{ min, max }` from which every throw draws
+    /// one. Default 0.667, to which the paper's simulator combines its materials; there is no sourced value
+    /// for rubber on felt. An object whose own file has a friction coefficient keeps that.
     pub friction: Drawn,
     /// Multiplies the object's own restitution.
     #[serde(deserialize_with = "quantity::factor")]
@@ -50,18 +53,19 @@ pub struct ArenaConfig {
     /// Velocity of the air in W, in m/s; it counts where there is drag.
     #[serde(deserialize_with = "quantity::wind_mps")]
     pub wind: [f64; 3],
-    /// Every throw spins about a random axis at a rate drawn uniformly up to this one, besides what the throw's own file says.
-    /// None in the paper; people throw small things with up to 25 rad/s.
+    /// Every throw spins about a random axis at a rate drawn uniformly up to this one, besides what the
+    /// throw's own file says. None in the paper; people throw small things with up to 25 rad/s.
     #[serde(deserialize_with = "quantity::speed_radps")]
     pub max_spin_radps: f64,
     /// What the robot does not know of itself.
     pub robot_errors: RobotErrors,
     /// How far the robot controller is from an ideal one.
     pub robot_controller: RobotController,
-    /// Whether the cameras tell which pixels show the object. On by default: the paper segments by the renderer's labels.
+    /// Whether the cameras tell which pixels show the object. On by default: the paper segments by the
+    /// renderer's labels.
     pub labels: bool,
-    /// Whether the cameras see the floor, which always collides. Off by default: the paper has none, and its lower cameras look
-    /// through where it would be.
+    /// Whether the cameras see the floor, which always collides. Off by default: the paper has none, and its
+    /// lower cameras look through where it would be.
     pub floor_visible: bool,
     /// What the depth images are off by. Nothing by default, as in the paper.
     pub depth: DepthConfig,
@@ -69,21 +73,23 @@ pub struct ArenaConfig {
     pub camera_faults: Vec<CameraFault>,
     /// A person who walks through the images. Nobody by default.
     pub person: Option<PersonConfig>,
-    /// Observations per second, each with an image of every camera unless these run freely. Default 100 Hz (paper, IV).
+    /// Observations per second, each with an image of every camera unless these run freely. Default 100 Hz
+    /// (paper, IV).
     #[serde(deserialize_with = "quantity::rate_hz")]
     pub frame_rate_hz: f64,
-    /// Whether each camera takes its images in its own time: at the `rate_hz` of its rig's file, else at `frame_rate_hz`, and at a phase
-    /// that every throw draws. An observation has the images that have arrived since the last one. Off by default.
+    /// Whether each camera takes its images in its own time: at the `rate_hz` of its rig's file, else at
+    /// `frame_rate_hz`, and at a phase that every throw draws. An observation has the images that have
+    /// arrived since the last one. Off by default.
     pub free_running_cameras: bool,
-    /// How long an image takes to arrive, in seconds: a number, or `{ min, max }` from which every image draws. The images of a camera
-    /// arrive in their order.
+    /// How long an image takes to arrive, in seconds: a number, or `{ min, max }` from which every image
+    /// draws. The images of a camera arrive in their order.
     #[serde(deserialize_with = "quantity::latency_s")]
     pub latency_s: Drawn,
     /// Time step of the physics and period of the servo. Default 1 ms.
     #[serde(deserialize_with = "quantity::step_s")]
     pub step_s: f64,
-    /// Solver substeps per step while the object is far from everything, when only the arm's tracking depends on them, of 4 else.
-    /// Default 2: the tool still follows a fast motion within 0.1 mm.
+    /// Solver substeps per step while the object is far from everything, when only the arm's tracking depends
+    /// on them, of 4 else. Default 2: the tool still follows a fast motion within 0.1 mm.
     #[serde(deserialize_with = "quantity::solver_steps")]
     pub substeps_alone: usize,
 }
@@ -100,7 +106,8 @@ pub struct RobotErrors {
     /// Step in which an encoder reads, in radians.
     #[serde(deserialize_with = "quantity::error_rad")]
     pub encoder_step_rad: f64,
-    /// Every link's mass and inertia are drawn uniformly within this fraction around the model that the robot controller computes with.
+    /// Every link's mass and inertia are drawn uniformly within this fraction around the model that the robot
+    /// controller computes with.
     #[serde(deserialize_with = "quantity::spread")]
     pub link_mass_spread: f64,
     /// How far the gripper is from where the model has it mounted, in a random direction, in metres.
@@ -120,7 +127,8 @@ pub struct RobotController {
     pub stamp_error_s: f64,
     /// Whether the arm's state is told in single precision.
     pub single_precision: bool,
-    /// How long after the time that a trajectory has for it the controller follows each of its points, in seconds.
+    /// How long after the time that a trajectory has for it the controller follows each of its points, in
+    /// seconds.
     #[serde(deserialize_with = "quantity::controller_time_s")]
     pub interpolator_lag_s: f64,
     /// Trajectories that it declines at random, as a fraction of all.
@@ -132,8 +140,8 @@ pub struct RobotController {
     pub unlimited_torque: bool,
     /// Gains of its computed torque.
     pub gains: ControllerGains,
-    /// The links, base to tip, of the arm whose dynamics it computes torques by, without gripper and damping. None: it knows the arm
-    /// that it moves.
+    /// The links, base to tip, of the arm whose dynamics it computes torques by, without gripper and damping.
+    /// None: it knows the arm that it moves.
     pub links: Vec<ModelLink>,
 }
 
@@ -153,7 +161,8 @@ pub struct ControllerGains {
 }
 
 impl Default for ControllerGains {
-    /// Critically damped at 50 rad/s, a twentieth of the rate at which the controller runs, so that sampling costs little phase.
+    /// Critically damped at 50 rad/s, a twentieth of the rate at which the controller runs, so that sampling
+    /// costs little phase.
     fn default() -> Self {
         Self { proportional_per_s2: 2500.0, integral_per_s3: 0.0, derivative_per_s: 100.0 }
     }
@@ -209,8 +218,8 @@ impl Default for ArenaConfig {
 }
 
 impl ArenaConfig {
-    /// Everything that cannot be used although every number is within its range; `file` and `table` name the place: ranges whose
-    /// ends are swapped, a frame interval that is not a whole number of steps.
+    /// Everything that cannot be used although every number is within its range; `file` and `table` name the
+    /// place: ranges whose ends are swapped, a frame interval that is not a whole number of steps.
     pub fn faults(&self, file: &str, table: &str) -> Vec<InputError> {
         let friction = self.friction.check_friction(file, &format!("{table}.friction"));
         let latency = self.latency_s.check(&quantity::LATENCY_S, file, &format!("{table}.latency_s"));
@@ -225,8 +234,8 @@ impl ArenaConfig {
         faults
     }
 
-    /// What cannot be used with the cameras of a rig: faults of cameras that it does not have, and rates of which the physics' steps leave
-    /// out images.
+    /// What cannot be used with the cameras of a rig: faults of cameras that it does not have, and rates of
+    /// which the physics' steps leave out images.
     ///
     /// # Errors
     /// The first of them.

@@ -13,8 +13,8 @@ use rapier3d_f64::{
 /// A solid whose convex hull has at most this times its volume collides as that.
 const NEARLY_CONVEX: f64 = 1.02;
 
-/// The convex parts of a closed mesh: its hull where it is convex, else an approximate decomposition (Mamou, Volumetric
-/// hierarchical approximate convex decomposition, Game Engine Gems 3, 2016).
+/// The convex parts of a closed mesh: its hull where it is convex, else an approximate decomposition (Mamou,
+/// Volumetric hierarchical approximate convex decomposition, Game Engine Gems 3, 2016).
 ///
 /// Each part is the convex hull of its points.
 pub(crate) fn convex_parts(mesh: &TriangleMesh) -> Vec<Vec<Point3<f64>>> {

@@ -1,4 +1,5 @@
-//! `[arena.depth]`: what real depth cameras make of the truth. Formulas and figures; [`cameras`](crate::cameras) applies them.
+//! `[arena.depth]`: what real depth cameras make of the truth. Formulas and figures;
+//! [`cameras`](crate::cameras) applies them.
 
 use catch_body::{InputError, quantity};
 use catch_cell::CameraModel;
@@ -12,29 +13,31 @@ use crate::drawn::Drawn;
 pub struct DepthConfig {
     /// The errors of a pixel's depth.
     pub model: DepthModel,
-    /// Fraction of the images that never arrive, each camera and each time by itself. Users of D435 cameras report 5 to 10 %.
+    /// Fraction of the images that never arrive, each camera and each time by itself. Users of D435 cameras
+    /// report 5 to 10 %.
     #[serde(deserialize_with = "quantity::fraction")]
     pub lost_frame_fraction: f64,
-    /// Fraction of the images whose fate is that of the camera's image before them, so that images are lost in bursts of
-    /// 1/((1 − this)·(1 − `lost_frame_fraction`)) on average.
+    /// Fraction of the images whose fate is that of the camera's image before them, so that images are lost
+    /// in bursts of 1/((1 − this)·(1 − `lost_frame_fraction`)) on average.
     #[serde(deserialize_with = "quantity::spread")]
     pub lost_frame_persistence: f64,
-    /// Fraction of the object's surface, dark or specular, of which no camera measures any depth: a number, or `{ min, max }` from
-    /// which every throw draws. It is in patches that are fixed to the object.
+    /// Fraction of the object's surface, dark or specular, of which no camera measures any depth: a number,
+    /// or `{ min, max }` from which every throw draws. It is in patches that are fixed to the object.
     #[serde(deserialize_with = "quantity::fraction")]
     pub hole_fraction: Drawn,
-    /// Depths are whole multiples of this, in metres: 1 mm for cameras that tell them as whole millimetres. Zero: any.
+    /// Depths are whole multiples of this, in metres: 1 mm for cameras that tell them as whole millimetres.
+    /// Zero: any.
     #[serde(deserialize_with = "quantity::error_m")]
     pub step_m: f64,
-    /// Standard deviation, along each axis, of where a camera truly stands around where the brain believes it stands, in
-    /// metres. Drawn once per scene and camera.
+    /// Standard deviation, along each axis, of where a camera truly stands around where the brain believes it
+    /// stands, in metres. Drawn once per scene and camera.
     #[serde(deserialize_with = "quantity::error_m")]
     pub calibration_sd_m: f64,
     /// The same for its orientation: standard deviation of the rotation about each of its axes, in radians.
     #[serde(deserialize_with = "quantity::error_rad")]
     pub calibration_sd_rad: f64,
-    /// How many pixels too far to the left and too far up everything seems to be, in the scan of the object as well: half a pixel
-    /// where corners of pixels are taken for their centres, as in the authors' code.
+    /// How many pixels too far to the left and too far up everything seems to be, in the scan of the object
+    /// as well: half a pixel where corners of pixels are taken for their centres, as in the authors' code.
     #[serde(deserialize_with = "quantity::error_px")]
     pub pixel_shift_px: f64,
 }
@@ -55,14 +58,16 @@ impl Default for DepthConfig {
 }
 
 impl DepthConfig {
-    /// The camera that takes the images of one that is believed to be `camera`, as far as its principal point goes.
+    /// The camera that takes the images of one that is believed to be `camera`, as far as its principal point
+    /// goes.
     pub fn shifted(&self, camera: &CameraModel) -> CameraModel {
         let principal_px = camera.principal_px.map(|centre| centre - self.pixel_shift_px);
         CameraModel { principal_px, ..camera.clone() }
     }
 }
 
-/// The errors of a pixel's depth: none, those of a file of `assets/depth_errors` by its name, or a table with figures of one's own.
+/// The errors of a pixel's depth: none, those of a file of `assets/depth_errors` by its name, or a table with
+/// figures of one's own.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DepthModel {
@@ -86,9 +91,9 @@ pub struct GaussianNoise {
 
 /// The errors of a stereo camera.
 ///
-/// It measures a disparity d = f·b/z in pixels, with the focal length f of the camera and the baseline b. An error of the
-/// disparity with the standard deviation s becomes one of the depth with σ(z) = z²·s/(f·b) (A. Grunnet-Jepsen, J. N. Sweetser &
-/// J. Woodfill, Tuning depth cameras for best performance, Intel).
+/// It measures a disparity d = f·b/z in pixels, with the focal length f of the camera and the baseline b. An
+/// error of the disparity with the standard deviation s becomes one of the depth with σ(z) = z²·s/(f·b) (A.
+/// Grunnet-Jepsen, J. N. Sweetser & J. Woodfill, Tuning depth cameras for best performance, Intel).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StereoNoise {
@@ -98,14 +103,15 @@ pub struct StereoNoise {
     /// Standard deviation of the disparity in pixels.
     #[serde(deserialize_with = "quantity::error_px")]
     pub subpixel_px: f64,
-    /// Fraction of the disparity's variance that all pixels of one image have in common; the rest each pixel has by itself.
+    /// Fraction of the disparity's variance that all pixels of one image have in common; the rest each pixel
+    /// has by itself.
     #[serde(deserialize_with = "quantity::fraction")]
     pub common_fraction: f64,
     /// Fraction of the pixels that are missing on surfaces which face the camera.
     #[serde(deserialize_with = "quantity::fraction")]
     pub dropout_fraction: f64,
-    /// Angles of incidence, from the surface's normal in radians, between which the fraction of missing pixels rises linearly to all.
-    /// None: it does not.
+    /// Angles of incidence, from the surface's normal in radians, between which the fraction of missing
+    /// pixels rises linearly to all. None: it does not.
     #[serde(deserialize_with = "quantity::incidence_rad")]
     pub grazing_rad: Option<[f64; 2]>,
     /// How many pixels beside a depth edge are affected by it: half of the window that is matched.
@@ -114,7 +120,8 @@ pub struct StereoNoise {
     /// Of those behind the edge the fraction that shows the nearer surface, which so grows by some pixels.
     #[serde(deserialize_with = "quantity::fraction")]
     pub bleed_fraction: f64,
-    /// Of those on both sides the fraction that shows no surface, but a disparity evenly anywhere between the two: flying pixels.
+    /// Of those on both sides the fraction that shows no surface, but a disparity evenly anywhere between the
+    /// two: flying pixels.
     #[serde(deserialize_with = "quantity::fraction")]
     pub flying_fraction: f64,
     /// Depths that can be measured, from and to, in metres. None: all.
@@ -139,7 +146,8 @@ impl Default for StereoNoise {
     }
 }
 
-/// Neighbouring disparities that differ by more than this, in pixels, are a depth edge: less is not told from noise.
+/// Neighbouring disparities that differ by more than this, in pixels, are a depth edge: less is not told from
+/// noise.
 pub(crate) const EDGE_JUMP_PX: f64 = 0.5;
 
 impl StereoNoise {
@@ -160,8 +168,8 @@ impl DepthModel {
         if let Self::Stereo(noise) = self { Some(noise) } else { None }
     }
 
-    /// Standard deviation of a depth `z_m`, measured by a camera with this focal length, in metres. For stereo to first order in
-    /// the disparity's error.
+    /// Standard deviation of a depth `z_m`, measured by a camera with this focal length, in metres. For
+    /// stereo to first order in the disparity's error.
     pub fn sd_m(&self, z_m: f64, focal_px: f64) -> f64 {
         match self {
             Self::Perfect => 0.0,

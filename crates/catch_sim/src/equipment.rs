@@ -7,7 +7,8 @@ use catch_cell::CameraModel;
 
 use crate::{cameras::Renderer, config::ArenaConfig, object::ThrownObject, physics::FreeBody, throw::Release};
 
-/// Arm, gripper, cameras and the object to be thrown, prepared once for any number of throws. Clones share it.
+/// Arm, gripper, cameras and the object to be thrown, prepared once for any number of throws. Clones share
+/// it.
 #[derive(Debug, Clone)]
 pub struct Equipment {
     pub(crate) shared: Arc<Shared>,
@@ -32,7 +33,8 @@ pub(crate) struct Shared {
 }
 
 impl Equipment {
-    /// Prepares a cell. `robot` comes without the gripper's mass; `config` has been checked; `cameras` are as calibrated.
+    /// Prepares a cell. `robot` comes without the gripper's mass; `config` has been checked; `cameras` are as
+    /// calibrated.
     pub fn new(
         config: ArenaConfig,
         robot: Robot,
@@ -56,8 +58,8 @@ impl Equipment {
         };
         Self { shared: Arc::new(shared) }
     }
-    /// Whether a released object is farther from floor, obstacles and the arm at `q` than it is large; quick, and `false` for
-    /// some that are clear of them all the same.
+    /// Whether a released object is farther from floor, obstacles and the arm at `q` than it is large; quick,
+    /// and `false` for some that are clear of them all the same.
     pub fn has_in_the_open(&self, release: &Release, q: &JointVector) -> bool {
         let Shared { robot, clearance, object, .. } = &*self.shared;
         let radius = object.bounding_radius_m;

@@ -10,15 +10,15 @@ use crate::{config::GripperDriveKind, random_streams::Draws};
 use grasp_watch::GraspWatch;
 use interface::{Interface, Ramp};
 
-/// Inertia of motor and gear of a real drive, reflected to each finger, in kg. Chosen, as no figure is published: it lets the fingers keep to
-/// their speed when something slips out from between them.
+/// Inertia of motor and gear of a real drive, reflected to each finger, in kg. Chosen, as no figure is
+/// published: it lets the fingers keep to their speed when something slips out from between them.
 pub const DRIVE_MASS_KG: f64 = 0.5;
 /// The most that a finger presses with in the authors' code, in N: half of what its controller gives both.
 const PUBLISHED_FORCE_N: f64 = 500.0;
 /// The width that open fingers are commanded there, in metres: beyond their stops.
 const PUBLISHED_OPEN_WIDTH_M: f64 = 1.0;
-/// The controller's cycle there, in seconds, by which it takes the rate of the commanded width: a jump is pushed after with all the force there
-/// is, one cycle later.
+/// The controller's cycle there, in seconds, by which it takes the rate of the commanded width: a jump is
+/// pushed after with all the force there is, one cycle later.
 const PUBLISHED_CYCLE_S: f64 = 1e-3;
 
 /// Position controller of each finger.
@@ -31,8 +31,8 @@ pub struct Gains {
 }
 
 impl Gains {
-    /// As stiff as a controller at 1 kHz may be with fingers of 50 g: it follows within a millisecond, and a finger that is
-    /// stopped by an object presses with all its force 2 ms later.
+    /// As stiff as a controller at 1 kHz may be with fingers of 50 g: it follows within a millisecond, and a
+    /// finger that is stopped by an object presses with all its force 2 ms later.
     pub const IDEAL: Self = Self { stiffness_npm: 10_000.0, damping_nspm: 40.0 };
 
     /// Those of the authors' code.
@@ -44,7 +44,8 @@ impl Gains {
         Self { stiffness_npm: Self::IDEAL.stiffness_npm * lighter, damping_nspm: Self::IDEAL.damping_nspm * lighter }
     }
 
-    /// Critically damped, at the natural frequency ω in rad/s, for a finger with its fraction of the drive: k = m·ω², d = 2·m·ω.
+    /// Critically damped, at the natural frequency ω in rad/s, for a finger with its fraction of the drive: k
+    /// = m·ω², d = 2·m·ω.
     fn critical(mass_kg: f64, bandwidth_radps: f64) -> Self {
         Self { stiffness_npm: mass_kg * bandwidth_radps.powi(2), damping_nspm: 2.0 * mass_kg * bandwidth_radps }
     }
@@ -151,11 +152,12 @@ impl GripperDrive {
         self.queue.receive(moves, now_s);
     }
 
-    /// Forces that open the left and the right finger during the step that begins at `time_s`, from their distances to the
-    /// middle and their speeds.
+    /// Forces that open the left and the right finger during the step that begins at `time_s`, from their
+    /// distances to the middle and their speeds.
     ///
-    /// The fingers are geared to each other: one controller acts on their mean, with a force up to that of the move, and
-    /// another stands for the gear that keeps them symmetrical; it must also work while the first is at its limit.
+    /// The fingers are geared to each other: one controller acts on their mean, with a force up to that of
+    /// the move, and another stands for the gear that keeps them symmetrical; it must also work while the
+    /// first is at its limit.
     pub fn forces(&mut self, time_s: f64, finger_m: [f64; 2], finger_mps: [f64; 2]) -> [f64; 2] {
         let (width_m, rate_mps) = (finger_m[0] + finger_m[1], finger_mps[0] + finger_mps[1]);
         self.begin_due_moves(time_s, width_m);
@@ -165,7 +167,8 @@ impl GripperDrive {
         let setpoint = match &mut self.law {
             Law::Ideal => self.active.jump(time_s),
             Law::Position => self.active.jump_by_cycle(time_s, PUBLISHED_CYCLE_S),
-            // The controller's output is at its limit where the setpoint is this far ahead; it need not go further.
+            // The controller's output is at its limit where the setpoint is this far ahead; it need not go
+            // further.
             Law::Real(_, ramp) => ramp.advance(time_s, &order, width_m, 2.0 * limit / stiffness_npm),
         };
         let [wanted_m, wanted_mps] = setpoint.map(|of_width| of_width / 2.0);
@@ -227,14 +230,16 @@ impl GripperDrive {
 }
 
 impl ActiveMove {
-    /// The width that a position drive wants at `time_s`, and its rate: the jump's difference quotient, one cycle after it.
+    /// The width that a position drive wants at `time_s`, and its rate: the jump's difference quotient, one
+    /// cycle after it.
     fn jump_by_cycle(&self, time_s: f64, cycle_s: f64) -> [f64; 2] {
         let cycles = (time_s - self.since_s) / cycle_s;
         let rate_mps = if (cycles - 1.0).abs() < 0.5 { (self.order.width_m - self.from_m) / cycle_s } else { 0.0 };
         [self.order.width_m, rate_mps]
     }
 
-    /// The width that an ideal drive wants at `time_s`, and its rate: at the speed of the move from its first instant on.
+    /// The width that an ideal drive wants at `time_s`, and its rate: at the speed of the move from its first
+    /// instant on.
     fn jump(&self, time_s: f64) -> [f64; 2] {
         let Self { order, from_m, since_s } = *self;
         let way = order.width_m - from_m;

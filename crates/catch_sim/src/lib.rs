@@ -1,14 +1,14 @@
 //! The arena: a simulated cell in which things are thrown at an arm.
 //!
-//! [`Arena`] is a [`catch_cell::Cell`] like any other. Behind it stand the physics of arm, gripper and thrown object
-//! ([`physics`]), the robot controller that follows the commanded trajectories and watches the limits ([`servo`]), and the
-//! gripper's drive ([`gripper_drive`]). What really happened is in [`Truth`], which the brain cannot reach: it is not part of
-//! the contract.
+//! [`Arena`] is a [`catch_cell::Cell`] like any other. Behind it stand the physics of arm, gripper and thrown
+//! object ([`physics`]), the robot controller that follows the commanded trajectories and watches the limits
+//! ([`servo`]), and the gripper's drive ([`gripper_drive`]). What really happened is in [`Truth`], which the
+//! brain cannot reach: it is not part of the contract.
 //!
 //! A scene is a pure function of its files, its seed and its index; see [`random_streams`].
 //!
-//! Begin with [`Arena`] (the cell), [`ArenaConfig`] (the settings of a scenario's `[arena]`) and [`FreeFlight`] (how an object flies
-//! between contacts):
+//! Begin with [`Arena`] (the cell), [`ArenaConfig`] (the settings of a scenario's `[arena]`) and
+//! [`FreeFlight`] (how an object flies between contacts):
 //!
 //! ```
 //! use catch_body::JointVector;

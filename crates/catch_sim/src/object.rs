@@ -1,4 +1,5 @@
-//! Thrown objects as they truly are. The brain's knowledge of them stands in other files, which nothing here reads.
+//! Thrown objects as they truly are. The brain's knowledge of them stands in other files, which nothing here
+//! reads.
 
 mod published;
 
@@ -25,8 +26,8 @@ pub struct ThrownObject {
     pub inertia_kgm2: Matrix3<f64>,
     /// Centre of mass in O: the origin, unless it has the mass properties of the paper's simulator.
     pub com_O: Point3<f64>,
-    /// The point in O that sensors and the paper's measure take for the object's place: the origin, unless it has the frame of
-    /// the paper's simulator.
+    /// The point in O that sensors and the paper's measure take for the object's place: the origin, unless it
+    /// has the frame of the paper's simulator.
     pub origin_O: Point3<f64>,
     /// What it is in the paper's simulator, if its file says so.
     pub published: Option<PublishedBody>,
@@ -80,11 +81,12 @@ struct TruthFields {
     /// Centre of mass in the axes of the shape; that of uniform density otherwise.
     #[serde(default, deserialize_with = "quantity::shape_m")]
     com_m: Option<[f64; 3]>,
-    /// Inertia about the centre of mass along the axes of the shape: ixx, ixy, ixz, iyy, iyz, izz, in the order of URDF; that of
-    /// uniform density otherwise.
+    /// Inertia about the centre of mass along the axes of the shape: ixx, ixy, ixz, iyy, iyz, izz, in the
+    /// order of URDF; that of uniform density otherwise.
     #[serde(default, deserialize_with = "quantity::inertia_kgm2")]
     inertia_kgm2: Option<[f64; 6]>,
-    /// Coulomb friction coefficient, a number or `{ min, max }` from which every throw draws; the scenario's otherwise.
+    /// Coulomb friction coefficient, a number or `{ min, max }` from which every throw draws; the scenario's
+    /// otherwise.
     friction: Option<Drawn>,
     /// Stiffness of a soft surface under a finger, whose patch resists the rotation about the normal.
     #[serde(default, deserialize_with = "quantity::stiffness_npm")]
@@ -94,7 +96,8 @@ struct TruthFields {
 }
 
 impl ThrownObject {
-    /// Reads the table `[truth]` of an object's TOML file; `file` names it in errors. `load` reads a mesh file that it names.
+    /// Reads the table `[truth]` of an object's TOML file; `file` names it in errors. `load` reads a mesh
+    /// file that it names.
     ///
     /// # Errors
     /// A field that is missing, misspelt or out of range.
@@ -136,12 +139,13 @@ impl ThrownObject {
         })
     }
 
-    /// The largest torque in N·m with which a finger that presses with `force_n` resists the object's rotation about the normal,
-    /// where the object is `width_m` wide between the fingers.
+    /// The largest torque in N·m with which a finger that presses with `force_n` resists the object's
+    /// rotation about the normal, where the object is `width_m` wide between the fingers.
     ///
-    /// The engine finds several points of contact on flat surfaces, but one where a surface is round, which resists nothing. A soft
-    /// surface of radius r is flattened by N/k over a patch of radius a = √(r·N/k) (Hertz), which resists up to ⅔·μ·N·a if the
-    /// pressure is even (Howe & Cutkosky, Practical force-motion models for sliding manipulation, 1996). Half the width stands for r.
+    /// The engine finds several points of contact on flat surfaces, but one where a surface is round, which
+    /// resists nothing. A soft surface of radius r is flattened by N/k over a patch of radius a = √(r·N/k)
+    /// (Hertz), which resists up to ⅔·μ·N·a if the pressure is even (Howe & Cutkosky, Practical force-motion
+    /// models for sliding manipulation, 1996). Half the width stands for r.
     pub fn spin_friction_nm(&self, friction: f64, force_n: f64, width_m: f64) -> f64 {
         let Some(stiffness_npm) = self.stiffness_npm else { return 0.0 };
         2.0 / 3.0 * friction * force_n * (width_m / 2.0 * force_n.max(0.0) / stiffness_npm).sqrt()

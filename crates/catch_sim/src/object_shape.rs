@@ -16,7 +16,8 @@ use crate::convex_parts::{convex_parts, hull_area_m2, hull_volume_m3};
 
 /// Flat strips around a solid of revolution or a tube: at 32 a radius of 25 mm is 0.12 mm short between them.
 const SEGMENTS: u32 = 32;
-/// How often the triangles of a ball are cut into four: at 4 its faces lie at most 0.03 mm inside a tennis ball.
+/// How often the triangles of a ball are cut into four: at 4 its faces lie at most 0.03 mm inside a tennis
+/// ball.
 const BALL_SUBDIVISIONS: u32 = 4;
 
 /// A convex piece of an object, in the object's frame.
@@ -96,8 +97,8 @@ pub(crate) enum ShapeFields {
         #[serde(deserialize_with = "quantity::shape_m")]
         curve_m: Vec<[f64; 3]>,
     },
-    /// A mesh from a file beside this one. It collides as the groups of the `parts` files, the convex hull of each; without them it
-    /// is cut into convex parts.
+    /// A mesh from a file beside this one. It collides as the groups of the `parts` files, the convex hull of
+    /// each; without them it is cut into convex parts.
     Mesh {
         /// An OBJ or STL file, closed.
         file: String,
@@ -161,7 +162,8 @@ impl ShapeFields {
 const MOST_PARTS: usize = 64;
 /// Most points of a profile and radii of a tube.
 const MOST_RINGS: usize = 65;
-/// Two points of a profile at the same height are at least this far apart, and a radius that is not zero is at least as long.
+/// Two points of a profile at the same height are at least this far apart, and a radius that is not zero is
+/// at least as long.
 const LEAST_STEP_M: f64 = 1e-4;
 /// The thinnest shape: its volume as a fraction of the cube of its longest side.
 const LEAST_FILLING: f64 = 1e-6;
@@ -267,8 +269,9 @@ fn revolution(file: &str, mass_kg: f64, profile_m: &[[f64; 2]]) -> Result<Solid,
 /// How much farther than its rim the middle of a flat end stands out, in metres.
 const END_BULGE_M: f64 = 3e-4;
 
-/// Points of a solid of revolution whose flat ends are squares within the rim, which stands back a little. On a face of 32
-/// corners the engine would choose others of them as contacts in every step, and what is squeezed there would creep.
+/// Points of a solid of revolution whose flat ends are squares within the rim, which stands back a little. On
+/// a face of 32 corners the engine would choose others of them as contacts in every step, and what is
+/// squeezed there would creep.
 fn with_square_ends(profile_m: &[[f64; 2]]) -> Vec<Point3<f64>> {
     let mut rims = profile_m.to_vec();
     let last = rims.len() - 1;

@@ -11,7 +11,8 @@ use crate::{
     random_streams::{Draws, Stream},
 };
 
-/// So far to each side of the place that is nearest to the arm the person walks before turning around, in metres.
+/// So far to each side of the place that is nearest to the arm the person walks before turning around, in
+/// metres.
 const SPAN_M: f64 = 4.0;
 /// Length of two steps, in metres.
 const STRIDE_M: f64 = 1.4;
@@ -20,7 +21,8 @@ const SWING_RAD: f64 = 0.45;
 /// Flat strips around a capsule.
 const SEGMENTS: u32 = 32;
 
-/// How a person walks. Every throw draws a straight line in a direction of its own, and where on it the person is first.
+/// How a person walks. Every throw draws a straight line in a direction of its own, and where on it the
+/// person is first.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PersonConfig {

@@ -181,8 +181,8 @@ impl World {
         self.parameters.num_solver_iterations = substeps;
     }
 
-    /// Lets one step pass and tells whether all went well. If not, a body's state was no longer finite; the engine has taken that
-    /// body out of the world, and what follows means nothing.
+    /// Lets one step pass and tells whether all went well. If not, a body's state was no longer finite; the
+    /// engine has taken that body out of the world, and what follows means nothing.
     pub fn step(&mut self, loads: &Loads) -> bool {
         let (X_WO, V_WO) = self.object_state();
         let before = self.velocities_before();
@@ -232,7 +232,8 @@ impl World {
         (X_WO, Twist { angular, linear })
     }
 
-    /// Rotational inertia of the object as the engine has it, about its centre of mass along the axes of O, in kg·m².
+    /// Rotational inertia of the object as the engine has it, about its centre of mass along the axes of O,
+    /// in kg·m².
     pub fn object_inertia(&self) -> Matrix3<f64> {
         let inertia = self.bodies[self.object].mass_properties().local_mprops.reconstruct_inertia_matrix();
         Matrix3::from_columns(&[inertia.x_axis, inertia.y_axis, inertia.z_axis].map(from_vector))
@@ -284,8 +285,9 @@ impl World {
 
     /// Replaces the forces on all bodies.
     ///
-    /// The engine takes no generalized forces. A torque on a link and its opposite on the parent are exactly a torque of the
-    /// joint between them: all other joints see their sum, which vanishes. For a finger both forces act at the same point.
+    /// The engine takes no generalized forces. A torque on a link and its opposite on the parent are exactly
+    /// a torque of the joint between them: all other joints see their sum, which vanishes. For a finger both
+    /// forces act at the same point.
     fn apply(&mut self, loads: &Loads) {
         let bodies = &mut self.bodies;
         for axis in self.joints.iter().chain(&self.fingers) {

@@ -1,8 +1,8 @@
 //! Random streams: one per purpose, independent of each other, a pure function of (seed, index).
 //!
-//! What one purpose draws never shifts what another sees, so that switching a sensor's noise on does not change the throw.
-//! The generator (PCG XSL RR 128/64) and the way its bits become numbers are value-stable: they are fixed here and not left to
-//! the next version of a library.
+//! What one purpose draws never shifts what another sees, so that switching a sensor's noise on does not
+//! change the throw. The generator (PCG XSL RR 128/64) and the way its bits become numbers are value-stable:
+//! they are fixed here and not left to the next version of a library.
 
 use rand::Rng;
 use rand_pcg::Pcg64;
@@ -73,8 +73,8 @@ impl Draws {
         (self.bits() >> 11) as f64 * (0.5f64).powi(53)
     }
 
-    /// A number from the normal distribution with mean 0 and standard deviation 1 (Box & Muller, A note on the generation of
-    /// random normal deviates, 1958; one of the pair).
+    /// A number from the normal distribution with mean 0 and standard deviation 1 (Box & Muller, A note on
+    /// the generation of random normal deviates, 1958; one of the pair).
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * libm::log(1.0 - self.unit())).sqrt();
         radius * libm::cos(std::f64::consts::TAU * self.unit())
@@ -91,8 +91,8 @@ pub fn seed_for(stream: Stream, seed: u64, index: u64) -> u64 {
     Draws::new(stream, seed, index).bits()
 }
 
-/// A bijection that spreads every input bit over all output bits: the finalizer of SplitMix64 (Steele, Lea & Flood, Fast
-/// splittable pseudorandom number generators, 2014).
+/// A bijection that spreads every input bit over all output bits: the finalizer of SplitMix64 (Steele, Lea &
+/// Flood, Fast splittable pseudorandom number generators, 2014).
 pub(crate) fn mixed(mut bits: u64) -> u64 {
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

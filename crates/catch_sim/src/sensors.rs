@@ -213,7 +213,8 @@ mod tests {
         drawn::Between,
     };
 
-    /// Two cameras at 60 and 90 Hz for 20 s, looked at every 10 ms; frames with the times of their observations.
+    /// Two cameras at 60 and 90 Hz for 20 s, looked at every 10 ms; frames with the times of their
+    /// observations.
     fn frames(config: &ArenaConfig, index: u64) -> Vec<(f64, DepthFrame)> {
         frames_of(config, index, 20.0, PixelWindow::default())
     }
@@ -277,7 +278,8 @@ mod tests {
         assert!(phases.iter().any(|it| *it < 0.2) && phases.iter().any(|it| *it > 0.8));
     }
 
-    /// What camera 0 shows of the arm when a fault of it begins at 50 ms, before and after, in noisy images or exact ones.
+    /// What camera 0 shows of the arm when a fault of it begins at 50 ms, before and after, in noisy images
+    /// or exact ones.
     fn spoilt(kind: CameraFaultKind, is_noisy: bool) -> [Vec<Vec<f32>>; 2] {
         let camera_faults = vec![CameraFault { camera: 0, kind, from_s: 0.05 }];
         let mut config = ArenaConfig { camera_faults, ..ArenaConfig::default() };

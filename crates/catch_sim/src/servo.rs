@@ -1,7 +1,7 @@
 //! The arm's robot controller: follows the commanded trajectories by computed torque and watches the limits.
 //!
-//! It is on the robot's side, as in a real cell: it knows the arm's model and its encoders and nothing of the world. What it takes
-//! and rejects is the [`Executor`]'s business, as in any other cell.
+//! It is on the robot's side, as in a real cell: it knows the arm's model and its encoders and nothing of the
+//! world. What it takes and rejects is the [`Executor`]'s business, as in any other cell.
 
 use std::collections::HashMap;
 
@@ -38,11 +38,11 @@ pub struct Servo {
 }
 
 impl Servo {
-    /// A servo that holds the arm at `q`. `model` is the arm as the servo believes it to be and should carry its gripper; what is
-    /// random about the controller comes from `draws`.
+    /// A servo that holds the arm at `q`. `model` is the arm as the servo believes it to be and should carry
+    /// its gripper; what is random about the controller comes from `draws`.
     pub fn new(model: Robot, q: JointVector, config: RobotController, draws: Draws) -> Self {
-        // What breaks a limit is counted and executed as well as the torque limits allow, and so are accelerations that jump along
-        // a trajectory, as those of the paper's method do at the catch.
+        // What breaks a limit is counted and executed as well as the torque limits allow, and so are
+        // accelerations that jump along a trajectory, as those of the paper's method do at the catch.
         let checks = ExecutorConfig {
             continuous_start: !config.takes_jumps,
             continuous_inside: false,
@@ -93,7 +93,8 @@ impl Servo {
         }
     }
 
-    /// The arm as the controller reports it at `now_s`, with what was rejected since the last call, from the encoders' `q` and `dq`.
+    /// The arm as the controller reports it at `now_s`, with what was rejected since the last call, from the
+    /// encoders' `q` and `dq`.
     pub fn arm_state(&mut self, now_s: f64, q: JointVector, dq: JointVector) -> ArmState {
         let mut state = self.executor.arm_state(now_s - self.config.interpolator_lag_s, q, dq);
         state.time_s = now_s + self.config.stamp_error_s * self.draws.between([-1.0, 1.0]);
@@ -106,9 +107,9 @@ impl Servo {
         state
     }
 
-    /// Torques for the step that begins at `time_s`, by computed torque with the encoders' `q` and `dq`:
-    /// τ = ID(q, q̇, q̈_d + K_P·(q_d − q) + K_I·∫(q_d − q) + K_D·(q̇_d − q̇)) (Siciliano et al., Robotics, section 8.5.2), clamped
-    /// unless motors have no limit.
+    /// Torques for the step that begins at `time_s`, by computed torque with the encoders' `q` and `dq`: τ =
+    /// ID(q, q̇, q̈_d + K_P·(q_d − q) + K_I·∫(q_d − q) + K_D·(q̇_d − q̇)) (Siciliano et al., Robotics,
+    /// section 8.5.2), clamped unless motors have no limit.
     ///
     /// Against windup the integral of a joint waits while its torque is clamped and would go further
     /// (conditional integration: Åström & Hägglund, PID Controllers, section 3.5).

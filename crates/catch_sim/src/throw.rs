@@ -28,7 +28,8 @@ pub struct Release {
     pub q_WO: UnitQuaternion<f64>,
     /// Its angular velocity in W, in rad/s.
     pub omega_WO: Vector3<f64>,
-    /// Along which recorded flight in W it moves until something touches it; by the arena's physics if there is none.
+    /// Along which recorded flight in W it moves until something touches it; by the arena's physics if there
+    /// is none.
     pub path: Option<Arc<RecordedFlight>>,
 }
 
@@ -78,8 +79,8 @@ enum Motion {
         #[serde(deserialize_with = "quantity::spin_radps")]
         spin_radps: [f64; 3],
     },
-    /// The sampler of the paper's code. The horizontal velocity is that speed times (−x, −y)/√(x² + y²) + a·(1, −1): aimed at
-    /// the base's axis, then sheared aside by `a`, the same in both directions.
+    /// The sampler of the paper's code. The horizontal velocity is that speed times (−x, −y)/√(x² + y²) +
+    /// a·(1, −1): aimed at the base's axis, then sheared aside by `a`, the same in both directions.
     Sampled {
         /// Range of x at the release.
         #[serde(deserialize_with = "quantity::place_m")]
@@ -162,8 +163,8 @@ impl Throw {
         Ok(Self { motion: fields.motion, orientations })
     }
 
-    /// The same throw for an arm of this [length](catch_body::Robot::length_m): where the file gives the passage for an arm of some
-    /// length, it is nearer and lower for a shorter one.
+    /// The same throw for an arm of this [length](catch_body::Robot::length_m): where the file gives the
+    /// passage for an arm of some length, it is nearer and lower for a shorter one.
     pub fn for_arm(mut self, length_m: f64) -> Self {
         match &mut self.motion {
             Motion::Random(motion) => *motion = motion.for_arm(length_m),
@@ -180,9 +181,10 @@ impl Throw {
         Self { motion, orientations: self.orientations.clone() }
     }
 
-    /// The throw number `index` of `seed`. Where the file does not give the object's orientation, a fixed throw has the axes of the
-    /// object's file along those of W; of all others every orientation is as likely as any other. A recorded orientation is that of
-    /// the tracked body, in which the file gives the object's. `conditions` are those of the same throw.
+    /// The throw number `index` of `seed`. Where the file does not give the object's orientation, a fixed
+    /// throw has the axes of the object's file along those of W; of all others every orientation is as likely
+    /// as any other. A recorded orientation is that of the tracked body, in which the file gives the
+    /// object's. `conditions` are those of the same throw.
     pub fn release(&self, object_name: &str, conditions: &Conditions, seed: u64, index: u64) -> Release {
         let given = self.orientations.get(object_name).copied();
         let is_fixed = matches!(self.motion, Motion::Fixed { .. });

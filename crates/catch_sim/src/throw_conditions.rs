@@ -1,6 +1,8 @@
-//! The arena's own account of what it drew for a throw: for recordings, rows and documents, never for the brain.
+//! The arena's own account of what it drew for a throw: for recordings, rows and documents, never for the
+//! brain.
 //!
-//! Frames: W is the world, O the object as its file has it, G the gripper, M where the model of the arm has the gripper mounted.
+//! Frames: W is the world, O the object as its file has it, G the gripper, M where the model of the arm has
+//! the gripper mounted.
 
 use catch_body::{Pose, quantity};
 use serde::{Deserialize, Serialize};
@@ -82,7 +84,8 @@ pub struct CellConditions {
     pub link_mass_ratios: Vec<f64>,
     /// Where the gripper truly is: G in M.
     pub gripper_mount: FramePose,
-    /// When the first cycle of the gripper's connection was, in seconds on the cell's clock; none for one without cycles.
+    /// When the first cycle of the gripper's connection was, in seconds on the cell's clock; none for one
+    /// without cycles.
     #[serde(deserialize_with = "quantity::true_value")]
     pub gripper_phase_s: Option<f64>,
     /// Where the cameras truly stood, in the order of the rig.
@@ -109,7 +112,8 @@ pub struct CameraPose {
     /// The pose.
     #[serde(flatten)]
     pub pose: FramePose,
-    /// When the first image of a camera that runs freely is due, in seconds; none for one that looks at every observation.
+    /// When the first image of a camera that runs freely is due, in seconds; none for one that looks at every
+    /// observation.
     #[serde(default, deserialize_with = "quantity::true_value", skip_serializing_if = "Option::is_none")]
     pub phase_s: Option<f64>,
 }

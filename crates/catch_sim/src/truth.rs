@@ -13,15 +13,16 @@ pub struct Truth {
     pub samples: Vec<TruthSample>,
     /// What the robot controller noticed.
     pub servo: ServoReport,
-    /// Since when the physics has been diverged, if it ever was: a state was not finite, and the last good one has
-    /// stood still from there on.
+    /// Since when the physics has been diverged, if it ever was: a state was not finite, and the last good
+    /// one has stood still from there on.
     pub diverged_s: Option<f64>,
     /// Since when the world has been shaking.
     pub disturbed_since_s: Option<f64>,
     /// What was drawn for the throw; older recordings have none.
     #[serde(default)]
     pub conditions: Option<ThrowConditions>,
-    /// How near its limits the arm came before anything touched the gripper; what comes after is the impact's doing.
+    /// How near its limits the arm came before anything touched the gripper; what comes after is the impact's
+    /// doing.
     #[serde(default)]
     pub before_contact: Option<PeakRatios>,
 }
@@ -66,10 +67,12 @@ pub struct TruthSample {
     /// Distance between the fingers' inner faces in metres.
     #[serde(deserialize_with = "quantity::true_value")]
     pub width_m: f64,
-    /// The width that the gripper is commanded to have; below the true one it closes, or squeezes what is between its fingers.
+    /// The width that the gripper is commanded to have; below the true one it closes, or squeezes what is
+    /// between its fingers.
     #[serde(default, deserialize_with = "quantity::true_value")]
     pub commanded_width_m: f64,
-    /// Normal force between left and right finger and the object in N, rebounds included, averaged over the step.
+    /// Normal force between left and right finger and the object in N, rebounds included, averaged over the
+    /// step.
     #[serde(deserialize_with = "quantity::true_value")]
     pub finger_force_n: [f64; 2],
     /// Pose of the object.
@@ -122,7 +125,8 @@ pub struct ServoReport {
     pub accepted_trajectories: u32,
     /// Trajectories refused because their start had passed.
     pub late_trajectories: u32,
-    /// Trajectories rejected for any other reason: invalid, not ending at rest, discontinuous, declined by the controller.
+    /// Trajectories rejected for any other reason: invalid, not ending at rest, discontinuous, declined by
+    /// the controller.
     pub rejected_trajectories: u32,
     /// Those of them that did not continue the one being executed, or were not continuous themselves.
     pub discontinuous_trajectories: u32,
@@ -130,18 +134,22 @@ pub struct ServoReport {
     pub rejected_gripper_moves: u32,
     /// Limits broken by accepted trajectories: the worst value per trajectory, joint and kind.
     pub command_violations: Vec<LimitViolation>,
-    /// Limits broken in motion, one entry per excursion with its worst value: positions out of range, velocities beyond 1.01.
+    /// Limits broken in motion, one entry per excursion with its worst value: positions out of range,
+    /// velocities beyond 1.01.
     pub motion_violations: Vec<LimitViolation>,
     /// How long the torque was clamped.
     pub torque_clamped_s: f64,
     /// Highest measured velocity over its limit, of any joint.
     pub peak_velocity_ratio: f64,
-    /// Highest measured acceleration over its limit. An impact alone exceeds it; it is reported, never counted.
+    /// Highest measured acceleration over its limit. An impact alone exceeds it; it is reported, never
+    /// counted.
     pub peak_acceleration_ratio: f64,
     /// Highest torque that the controller asked for over its limit, before clamping.
     pub peak_torque_ratio: f64,
-    /// Smallest distance between parts of the arm that are compared, in metres; `None` before the first sample.
+    /// Smallest distance between parts of the arm that are compared, in metres; `None` before the first
+    /// sample.
     pub min_self_clearance_m: Option<f64>,
-    /// Smallest distance between moving parts and the floor or an obstacle, in metres; `None` before the first sample.
+    /// Smallest distance between moving parts and the floor or an obstacle, in metres; `None` before the
+    /// first sample.
     pub min_floor_clearance_m: Option<f64>,
 }

@@ -1,4 +1,5 @@
-//! Pages for the browser: each is one file without any reference to another, so it opens from a disk without a network.
+//! Pages for the browser: each is one file without any reference to another, so it opens from a disk without
+//! a network.
 
 pub mod calibration_page;
 pub mod catch_page;
@@ -16,7 +17,8 @@ const VIEWER: &str = include_str!("pages/viewer.js");
 /// What stands around the body of every page.
 const FRAME: &str = include_str!("pages/frame.html");
 
-/// A whole page: plain text as its title, a class and styles beside those that all pages share, and what is in it as HTML.
+/// A whole page: plain text as its title, a class and styles beside those that all pages share, and what is
+/// in it as HTML.
 pub fn document(title: &str, class: &str, style: &str, body: &str) -> String {
     let style = [STYLE, style].concat();
     fill(FRAME, &[("title", &packed::text_in_html(title)), ("style", &style), ("class", class), ("body", body)])

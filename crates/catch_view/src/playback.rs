@@ -33,7 +33,8 @@ pub struct Playback {
     pub times: Option<ThrowTimes>,
 }
 
-/// Arm, gripper and object at an instant: as they truly were where the recording has ground truth, else as they were sensed.
+/// Arm, gripper and object at an instant: as they truly were where the recording has ground truth, else as
+/// they were sensed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionSample {
     /// When.
@@ -148,7 +149,8 @@ impl Playback {
         end_s.unwrap_or(0.0)
     }
 
-    /// When the flight is over: at the first true contact with the gripper, else at the last planned catch, else at the end.
+    /// When the flight is over: at the first true contact with the gripper, else at the last planned catch,
+    /// else at the end.
     pub fn flight_end_s(&self) -> f64 {
         let flight_end_s = match self.ground_truth() {
             Some(it) => it.verdict.contact_s.or(it.verdict.catch_time_s),
@@ -157,8 +159,8 @@ impl Playback {
         flight_end_s.unwrap_or_else(|| self.end_s()).min(self.end_s())
     }
 
-    /// How each prediction fared at the last planned catch, or at the end of the flight if there was no plan; nothing without ground
-    /// truth.
+    /// How each prediction fared at the last planned catch, or at the end of the flight if there was no plan;
+    /// nothing without ground truth.
     pub fn prediction_errors(&self) -> Vec<PredictionError> {
         let Some(GroundTruth { truth, verdict, undisturbed_m, .. }) = self.ground_truth() else { return Vec::new() };
         let at_s = verdict.catch_time_s.unwrap_or_else(|| self.flight_end_s());

@@ -3,7 +3,8 @@
 use catch_cell::{CameraModel, DepthFrame};
 use nalgebra::Point3;
 
-/// The points that a set of images shows: those that a mask says are the object's, all where there is no mask.
+/// The points that a set of images shows: those that a mask says are the object's, all where there is no
+/// mask.
 pub fn points_of(frames: &[DepthFrame], cameras: &[CameraModel]) -> Vec<Point3<f64>> {
     let mut points = Vec::new();
     for frame in frames {

@@ -16,7 +16,8 @@ const MOST_TRIANGLES: usize = 4_000;
 pub struct Surface {
     /// What it belongs to.
     pub of: Part,
-    /// The number of the arm's link whose frame it is in; the gripper's parts are in G, a finger around its own centre.
+    /// The number of the arm's link whose frame it is in; the gripper's parts are in G, a finger around its
+    /// own centre.
     pub link: usize,
     /// Its triangles.
     pub mesh: TriangleMesh,
@@ -57,7 +58,8 @@ pub fn surfaces(robot: &Robot, gripper: &Gripper, object: Option<&TriangleMesh>)
     surfaces
 }
 
-/// The mesh with corners that share a box of a grid brought together, the grid as fine as the number of triangles allows.
+/// The mesh with corners that share a box of a grid brought together, the grid as fine as the number of
+/// triangles allows.
 ///
 /// (Rossignac & Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993.)
 pub fn thinned(mesh: &TriangleMesh) -> TriangleMesh {

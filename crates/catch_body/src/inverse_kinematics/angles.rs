@@ -1,4 +1,5 @@
-//! What closed forms are made of: angles about axes, and where axes meet (the subproblems of Paden and Kahan).
+//! What closed forms are made of: angles about axes, and where axes meet (the subproblems of Paden and
+//! Kahan).
 
 use std::f64::consts::TAU;
 

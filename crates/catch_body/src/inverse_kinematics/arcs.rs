@@ -1,9 +1,9 @@
 //! The swivel angles at which every joint of an S-R-S arm lies within a range: exact, as arcs.
 //!
-//! With the gripper's pose and the branch given, each joint is the angle of a direction, or the inverse cosine of a
-//! number, whose components have the form h(ψ) = h₀ + h₁·cos ψ + h₂·sin ψ in the swivel angle ψ (Shimizu et al., 2008,
-//! section IV). A bound on the joint is the sign of such a form, and each sign change is an inverse cosine away. So nothing
-//! is lost between samples, and where no arc is left no swivel does.
+//! With the gripper's pose and the branch given, each joint is the angle of a direction, or the inverse
+//! cosine of a number, whose components have the form h(ψ) = h₀ + h₁·cos ψ + h₂·sin ψ in the swivel angle ψ
+//! (Shimizu et al., 2008, section IV). A bound on the joint is the sign of such a form, and each sign change
+//! is an inverse cosine away. So nothing is lost between samples, and where no arc is left no swivel does.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -186,7 +186,8 @@ impl Bounds {
     }
 }
 
-/// One of the eight solutions for a swivel angle: the signs of the elbow, of the second and of the sixth joint.
+/// One of the eight solutions for a swivel angle: the signs of the elbow, of the second and of the sixth
+/// joint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Branch {
     /// Whether the elbow bends backwards.
@@ -211,8 +212,8 @@ impl Branch {
 }
 
 impl SrsArm {
-    /// The arcs of swivel angles, each with its branch, on which all joints are within `ranges` (lower and upper bound each, in
-    /// radians).
+    /// The arcs of swivel angles, each with its branch, on which all joints are within `ranges` (lower and
+    /// upper bound each, in radians).
     pub fn swivels(&self, circle: &ElbowCircle, ranges: &[[f64; 2]; 7]) -> Vec<(Branch, [f64; 2])> {
         let mut found = Vec::new();
         let mut bounds = None;
@@ -257,7 +258,8 @@ impl SrsArm {
         }
     }
 
-    /// By how much at most each joint turns, in radians, while the elbow moves by up to `by` radians from `swivel`.
+    /// By how much at most each joint turns, in radians, while the elbow moves by up to `by` radians from
+    /// `swivel`.
     ///
     /// A form changes by r·by at most; so does the direction (x, y) whose angle a joint is.
     pub fn turned_by(&self, circle: &ElbowCircle, swivel: f64, branch: Branch, by: f64) -> [f64; 7] {
@@ -280,7 +282,8 @@ impl SrsArm {
         [a, b, c, 0.0, e, f, g]
     }
 
-    /// Columns of R_03 in the basis (u, a₄, u × a₄), as vectors of harmonics: column k is Σ over 1, cos ψ, sin ψ.
+    /// Columns of R_03 in the basis (u, a₄, u × a₄), as vectors of harmonics: column k is Σ over 1, cos ψ,
+    /// sin ψ.
     fn upper_arm_forms(&self, circle: &ElbowCircle, elbow_sign: f64) -> UpperArm {
         let (sin, cos) = libm::sincos(circle.shoulder_angle);
         let w = circle.to_wrist;
@@ -308,8 +311,9 @@ impl SrsArm {
         self.euler_forms(&forward, &backward, 5)
     }
 
-    /// For R = Rᵤ(α)·R_b(β)·Rᵤ(γ), b being the axis of joint `middle`, and c = b × u: R·u = u·cos β + (c·cos α + b·sin α)·sin β
-    /// and Rᵀ·u = u·cos β + (−c·cos γ + b·sin γ)·sin β; `forward` is R·u and `backward` Rᵀ·u.
+    /// For R = Rᵤ(α)·R_b(β)·Rᵤ(γ), b being the axis of joint `middle`, and c = b × u: R·u = u·cos β + (c·cos
+    /// α + b·sin α)·sin β and Rᵀ·u = u·cos β + (−c·cos γ + b·sin γ)·sin β; `forward` is R·u and `backward`
+    /// Rᵀ·u.
     fn euler_forms(&self, forward: &[Vector3<f64>; 3], backward: &[Vector3<f64>; 3], middle: usize) -> EulerForms {
         let harmonic = |vectors: &[Vector3<f64>; 3], along: &Vector3<f64>| {
             Harmonic::new(vectors[0].dot(along), vectors[1].dot(along), vectors[2].dot(along))

@@ -1,5 +1,5 @@
-//! Numerical inverse kinematics for arms without a closed form: damped Gauss–Newton from several starts, and a walk along the
-//! redundancy from what it finds. Deterministic.
+//! Numerical inverse kinematics for arms without a closed form: damped Gauss–Newton from several starts, and
+//! a walk along the redundancy from what it finds. Deterministic.
 
 use nalgebra::{Cholesky, Matrix6, Point3, U6, Vector6};
 
@@ -26,11 +26,12 @@ const NEARBY_RAD: f64 = 0.1;
 pub type Ranges = [[f64; 2]; MAX_JOINTS];
 
 impl Robot {
-    /// Joint positions in radians near `from` and within `ranges` that put the gripper at `X_WG`, its pose in W. `None` if the
-    /// iteration finds none, which does not prove that there are none.
+    /// Joint positions in radians near `from` and within `ranges` that put the gripper at `X_WG`, its pose in
+    /// W. `None` if the iteration finds none, which does not prove that there are none.
     ///
-    /// Δq = Jᵀ(J·Jᵀ + λ·1)⁻¹·e with λ ∝ |e|² (Levenberg; Sugihara, Solvability-unconcerned inverse kinematics, 2011). A
-    /// joint that a step would push out of its range stays at its end and leaves the rest to the others.
+    /// Δq = Jᵀ(J·Jᵀ + λ·1)⁻¹·e with λ ∝ |e|² (Levenberg; Sugihara, Solvability-unconcerned inverse
+    /// kinematics, 2011). A joint that a step would push out of its range stays at its end and leaves the
+    /// rest to the others.
     pub fn nearby_solution(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Option<JointVector> {
         let mut q = JointVector::from_fn(|i, _| from[i].clamp(ranges[i][0], ranges[i][1].max(ranges[i][0])));
         let mut before = f64::INFINITY;
@@ -75,7 +76,8 @@ impl Robot {
         None
     }
 
-    /// Joint positions within `ranges` that put the gripper at `X_WG`, at most two: near `from` and near the middle of the ranges.
+    /// Joint positions within `ranges` that put the gripper at `X_WG`, at most two: near `from` and near the
+    /// middle of the ranges.
     pub fn first_solutions_within(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<JointVector> {
         if (0..self.dof()).any(|i| ranges[i][0] > ranges[i][1]) {
             return Vec::new();
@@ -92,8 +94,8 @@ impl Robot {
         found
     }
 
-    /// Some joint positions within `ranges` that put the gripper at `X_WG`, those along the redundancy of an arm of more than
-    /// six joints among them. Starts at `from`, then all over the ranges.
+    /// Some joint positions within `ranges` that put the gripper at `X_WG`, those along the redundancy of an
+    /// arm of more than six joints among them. Starts at `from`, then all over the ranges.
     pub fn solutions_within(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<JointVector> {
         let dof = self.dof();
         if (0..dof).any(|i| ranges[i][0] > ranges[i][1]) {
@@ -104,8 +106,8 @@ impl Robot {
             let seed = if start == 0 {
                 *from
             } else {
-                // Additive recurrence with the roots of xᵈ⁺¹ = x + 1 (Roberts, The unreasonable effectiveness of quasirandom
-                // sequences, 2018).
+                // Additive recurrence with the roots of xᵈ⁺¹ = x + 1 (Roberts, The unreasonable effectiveness
+                // of quasirandom sequences, 2018).
                 let root = (0..30).fold(2.0_f64, |x, _| libm::pow(1.0 + x, 1.0 / (dof as f64 + 1.0)));
                 JointVector::from_fn(|i, _| {
                     let fraction = (0.5 + start as f64 / root.powi(i as i32 + 1)).fract();
@@ -126,7 +128,8 @@ impl Robot {
         found
     }
 
-    /// Follows the redundancy from `q`, adding what it passes until it leaves the ranges or comes to what is known.
+    /// Follows the redundancy from `q`, adding what it passes until it leaves the ranges or comes to what is
+    /// known.
     fn walk(
         &self,
         X_WG: &Pose,
@@ -155,8 +158,8 @@ impl Robot {
         }
     }
 
-    /// The direction of unit length in which joints can move at `q` without the gripper, in which that joint moves most that can;
-    /// `None` without redundancy.
+    /// The direction of unit length in which joints can move at `q` without the gripper, in which that joint
+    /// moves most that can; `None` without redundancy.
     pub fn self_motion(&self, q: &JointVector) -> Option<JointVector> {
         if self.dof() <= 6 {
             return None;

@@ -1,10 +1,11 @@
-//! Inverse kinematics in closed form for arms of six joints whose second, third and fourth axes are parallel: across the first, with
-//! the fifth and the sixth meeting in a wrist point.
+//! Inverse kinematics in closed form for arms of six joints whose second, third and fourth axes are parallel:
+//! across the first, with the fifth and the sixth meeting in a wrist point.
 //!
-//! The wrist point W moves with link 4. Its offset along the parallel axes gives q1, the direction of the last axis q5, what is
-//! left of the orientation q6 and the sum of q2, q3 and q4, and the triangle of joints 2, 3 and 4 those: 2·2·2 solutions. After
-//! Hawkins, Analytic Inverse Kinematics for the Universal Robots UR-5/UR-10 Arms, 2013, but written for arbitrary directions of
-//! the axes: everything is expressed by the axes in W while all joints are at zero.
+//! The wrist point W moves with link 4. Its offset along the parallel axes gives q1, the direction of the
+//! last axis q5, what is left of the orientation q6 and the sum of q2, q3 and q4, and the triangle of joints
+//! 2, 3 and 4 those: 2·2·2 solutions. After Hawkins, Analytic Inverse Kinematics for the Universal Robots
+//! UR-5/UR-10 Arms, 2013, but written for arbitrary directions of the axes: everything is expressed by the
+//! axes in W while all joints are at zero.
 
 use nalgebra::{Point3, Rotation3, Unit, Vector3};
 
@@ -17,7 +18,8 @@ use crate::{
     robot::{JointVector, Robot},
 };
 
-/// A wrist whose last axis is closer than this to the parallel ones, as a sine, turns about one axis with two joints.
+/// A wrist whose last axis is closer than this to the parallel ones, as a sine, turns about one axis with two
+/// joints.
 const SINGULAR: f64 = 1e-9;
 
 /// The geometry of such an arm at zero joint angles, in W.
@@ -71,8 +73,8 @@ impl ParallelAxesArm {
         })
     }
 
-    /// All joint positions within `ranges` that put the gripper at `X_WG`, of those that differ by whole turns the nearest to
-    /// `from`.
+    /// All joint positions within `ranges` that put the gripper at `X_WG`, of those that differ by whole
+    /// turns the nearest to `from`.
     pub fn solutions(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Solutions {
         let mut solutions = Solutions::default();
         let to_wrist = X_WG * self.p_GW - self.base;
@@ -157,7 +159,8 @@ mod tests {
     }
 
     proptest! {
-        /// FK ∘ IK is the identity for every solution, the pose's own joint angles are among them, and so is what iteration finds.
+        /// FK ∘ IK is the identity for every solution, the pose's own joint angles are among them, and so is
+        /// what iteration finds.
         #[test]
         fn solutions_reach_the_pose_and_are_all_there_are(
             q in prop::array::uniform6(-3.1f64..3.1), start in prop::array::uniform6(-3.1f64..3.1), mirrors in 0u8..8,

@@ -1,11 +1,12 @@
-//! Inverse kinematics in closed form for arms of seven joints whose first three axes meet in a shoulder and whose fifth and sixth
-//! meet in a wrist, with whatever offsets of the elbow and of the last axis.
+//! Inverse kinematics in closed form for arms of seven joints whose first three axes meet in a shoulder and
+//! whose fifth and sixth meet in a wrist, with whatever offsets of the elbow and of the last axis.
 //!
-//! The last joint's angle is what is free. With it the wrist point W and the direction of axis 6 are known: the distance from shoulder to
-//! wrist gives q4; axis 5, which passes through W, is at known angles to the line from the shoulder and to axis 6, which leaves two
-//! directions; both together fix the orientation after joint 3, and that and what is left the other five: 2·2·2 solutions. After He
-//! and Liu, Analytical Inverse Kinematics for Franka Emika Panda, 2021, but written for arbitrary directions and offsets of the
-//! axes: everything is expressed by the axes in W while all joints are at zero.
+//! The last joint's angle is what is free. With it the wrist point W and the direction of axis 6 are known:
+//! the distance from shoulder to wrist gives q4; axis 5, which passes through W, is at known angles to the
+//! line from the shoulder and to axis 6, which leaves two directions; both together fix the orientation after
+//! joint 3, and that and what is left the other five: 2·2·2 solutions. After He and Liu, Analytical Inverse
+//! Kinematics for Franka Emika Panda, 2021, but written for arbitrary directions and offsets of the axes:
+//! everything is expressed by the axes in W while all joints are at zero.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -18,8 +19,8 @@ use crate::{
     robot::{JointVector, Robot},
 };
 
-/// Solutions of one pose and angle of the last joint: how joint 4 is bent, on which side of the line from shoulder to wrist axis 5
-/// passes, and how joint 2 is.
+/// Solutions of one pose and angle of the last joint: how joint 4 is bent, on which side of the line from
+/// shoulder to wrist axis 5 passes, and how joint 2 is.
 pub(super) const BRANCHES: usize = 8;
 /// All of them are wanted.
 pub(super) const ALL_BRANCHES: u8 = u8::MAX;
@@ -76,9 +77,9 @@ impl SphericalShoulderArm {
         })
     }
 
-    /// Shows `found` all joint positions within `ranges` that put the gripper at `X_WG` with the last joint at `q7`, of those that
-    /// differ by whole turns the nearest to `from`, each with its branch: which of the eight. Only branches are looked at for which
-    /// `wanted`, one bit for each, says so.
+    /// Shows `found` all joint positions within `ranges` that put the gripper at `X_WG` with the last joint
+    /// at `q7`, of those that differ by whole turns the nearest to `from`, each with its branch: which of the
+    /// eight. Only branches are looked at for which `wanted`, one bit for each, says so.
     pub(super) fn for_each_solution(
         &self,
         X_WG: &Pose,
@@ -90,7 +91,8 @@ impl SphericalShoulderArm {
     ) {
         let [a1, a2, a3, a4, a5, a6, a7] = self.axes;
         let Self { forearm, upper_arm, .. } = self;
-        // The motion of the first six joints, from where all are at zero: X takes W to w and axes 5 and 6 to r and u.
+        // The motion of the first six joints, from where all are at zero: X takes W to w and axes 5 and 6 to
+        // r and u.
         let (X, back) = (X_WG * self.X_GW, AxisRotation::new(&a7, -q7));
         let R = X.rotation.to_rotation_matrix();
         let w = X * (self.last + back.of(&self.last_to_wrist));
@@ -184,7 +186,8 @@ mod tests {
     }
 
     proptest! {
-        /// FK ∘ IK is the identity for every solution, the pose's own joint angles are among them, and so is what iteration finds.
+        /// FK ∘ IK is the identity for every solution, the pose's own joint angles are among them, and so is
+        /// what iteration finds.
         #[test]
         fn solutions_reach_the_pose_and_are_all_there_are(
             fractions in prop::array::uniform7(0.01f64..0.99), start in prop::array::uniform7(0.01f64..0.99), arm in 0usize..3,
@@ -214,7 +217,8 @@ mod tests {
                 prop_assert!(reached.rotation.angle_to(&X_WG.rotation) < 1e-6);
             }
             let is_among = |near: &JointVector| solutions(near).iter().any(|found| (found - near).amax() < 1e-4);
-            // Away from where two solutions become one: the first six joints alone can move the gripper in all directions.
+            // Away from where two solutions become one: the first six joints alone can move the gripper in
+            // all directions.
             let is_regular = |q: &JointVector| {
                 let X_WL = robot.link_poses(q);
                 let mut J = robot.jacobian(&X_WL, &Point3::from(robot.gripper_in(&X_WL).translation.vector));

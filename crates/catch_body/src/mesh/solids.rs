@@ -25,8 +25,8 @@ pub struct TubeRing {
 }
 
 impl TriangleMesh {
-    /// A ball around the origin: an icosahedron whose triangles are cut into four `subdivisions` times, all vertices on the
-    /// sphere.
+    /// A ball around the origin: an icosahedron whose triangles are cut into four `subdivisions` times, all
+    /// vertices on the sphere.
     pub fn sphere(radius_m: f64, subdivisions: u32) -> Self {
         let golden = f64::midpoint(1.0, 5.0_f64.sqrt());
         let mut directions: Vec<Vector3<f64>> = Vec::new();
@@ -98,8 +98,8 @@ impl TriangleMesh {
         Self::revolution(&profile, segments).transformed(&Pose::from_parts(Translation3::from(capsule.from), turn))
     }
 
-    /// The solid that a `profile` of points (z, r) sweeps around the z axis, cut into `segments` flat strips. Ends at a
-    /// radius above zero are closed by a disc.
+    /// The solid that a `profile` of points (z, r) sweeps around the z axis, cut into `segments` flat strips.
+    /// Ends at a radius above zero are closed by a disc.
     pub fn revolution(profile: &[[f64; 2]], segments: u32) -> Self {
         let rings: Vec<TubeRing> = profile
             .iter()
@@ -112,8 +112,8 @@ impl TriangleMesh {
         Self::tube(&rings, segments)
     }
 
-    /// A tube through elliptic cross-sections, `segments` flat strips around it, its ends closed. A ring whose half axes are
-    /// zero is a single point.
+    /// A tube through elliptic cross-sections, `segments` flat strips around it, its ends closed. A ring
+    /// whose half axes are zero is a single point.
     pub fn tube(rings: &[TubeRing], segments: u32) -> Self {
         let segments = segments.max(3);
         let mut mesh = Self::default();

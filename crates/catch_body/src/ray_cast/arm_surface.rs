@@ -24,8 +24,8 @@ pub enum SurfacePart {
     Obstacle,
 }
 
-/// The arm's links, the gripper's housing and fingers, and the obstacles, each prepared once in its own frame, so that moving the arm only
-/// changes poses.
+/// The arm's links, the gripper's housing and fingers, and the obstacles, each prepared once in its own
+/// frame, so that moving the arm only changes poses.
 #[derive(Debug, Clone)]
 pub struct ArmSurface {
     /// Links that have a surface, and that surface in the link's frame.

@@ -1,4 +1,5 @@
-//! Kinematics and inverse dynamics of every built-in arm against Pinocchio; `tests/golden/README.md` says how the numbers were made.
+//! Kinematics and inverse dynamics of every built-in arm against Pinocchio; `tests/golden/README.md` says how
+//! the numbers were made.
 
 use std::{collections::BTreeMap, fs, path::PathBuf};
 

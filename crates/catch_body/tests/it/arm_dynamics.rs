@@ -1,4 +1,5 @@
-//! Kinematics and inverse dynamics of the arm against MuJoCo; `tests/golden/README.md` says how the numbers were made.
+//! Kinematics and inverse dynamics of the arm against MuJoCo; `tests/golden/README.md` says how the numbers
+//! were made.
 
 use catch_body::{Gripper, Robot, robot_file::RobotFiles};
 use nalgebra::{Quaternion, Unit, Vector3};

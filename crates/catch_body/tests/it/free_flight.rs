@@ -1,4 +1,5 @@
-//! Free flight against SciPy and against finite differences; `tests/golden/README.md` says how the numbers were made.
+//! Free flight against SciPy and against finite differences; `tests/golden/README.md` says how the numbers
+//! were made.
 
 use catch_body::free_flight::{FlyingBody, FreeState, N, PARAMETERS, POINT, ParameterVector, Pushes, V};
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector3};

@@ -10,8 +10,8 @@ use crate::{
     trajectory_prediction::FlightTrajectory,
 };
 
-/// Plans are not changed any more in the last seconds before the catch. The paper's code stops 0.2 s before; corrections are small enough by
-/// then to go on.
+/// Plans are not changed any more in the last seconds before the catch. The paper's code stops 0.2 s before;
+/// corrections are small enough by then to go on.
 const COMMIT_S: f64 = 0.05;
 
 /// What is under way: the running plan, the closing of the gripper, and what was sent for them.
@@ -90,8 +90,8 @@ impl Controller {
         Command { gripper: command.gripper.or(amended), ..command }
     }
 
-    /// When to close so that both fingers touch the object when its centre passes the grasp centre of the moving gripper, or shortly
-    /// before.
+    /// When to close so that both fingers touch the object when its centre passes the grasp centre of the
+    /// moving gripper, or shortly before.
     fn closing_for(&self, observation: &Observation, plan: &CatchPlan, flight: &FlightTrajectory) -> GripperPlan {
         let Self { config, grasping, robot, gripper, .. } = self;
         let (now_s, fingers) = (observation.time_s, &observation.gripper);
@@ -118,8 +118,8 @@ impl Controller {
         GripperPlan { start_s: close_s - latency_s, contact_s, speed_mps: closing.speed_mps }
     }
 
-    /// Where the arm will be when a motion that is planned now takes over. Encoders are noisy and a loaded arm sags; what it is
-    /// commanded is known exactly.
+    /// Where the arm will be when a motion that is planned now takes over. Encoders are noisy and a loaded
+    /// arm sags; what it is commanded is known exactly.
     pub fn start(&self, observation: &Observation) -> Start {
         let time_s = observation.time_s + self.config.expected_latency_s;
         Start { time_s, state: self.sent.setpoint(time_s, &observation.arm) }

@@ -59,9 +59,11 @@ impl Status {
 pub struct Progress {
     /// Search passes in a row that found no catch.
     pub passes: usize,
-    /// When the arm departed from its ready pose; `None` if it was elsewhere when the first catch was planned.
+    /// When the arm departed from its ready pose; `None` if it was elsewhere when the first catch was
+    /// planned.
     pub departure_s: Option<f64>,
-    /// Holding cost at which the running catch was chosen or last compared with others; `None` before there is one.
+    /// Holding cost at which the running catch was chosen or last compared with others; `None` before there
+    /// is one.
     pub reference_cost: Option<f64>,
 }
 
@@ -73,7 +75,8 @@ pub struct Situation<'a> {
     pub observed_s: (f64, Option<f64>),
     /// When the object was seen first, in seconds on the cell's clock.
     pub first_seen_s: f64,
-    /// When a motion that is planned now takes over, and the joints' set-point then: a new trajectory must start there.
+    /// When a motion that is planned now takes over, and the joints' set-point then: a new trajectory must
+    /// start there.
     pub start: Start,
     /// Positions in radians and velocities in rad/s of the joints as they are sensed.
     pub sensed: (JointVector, JointVector),
@@ -99,8 +102,8 @@ impl Situation<'_> {
 pub struct Decision {
     /// How far it got.
     pub status: Status,
-    /// The plan to be executed from now on: a new one if the [status](Status::is_new_motion) says so, else the running one,
-    /// perhaps with another gripper aperture.
+    /// The plan to be executed from now on: a new one if the [status](Status::is_new_motion) says so, else
+    /// the running one, perhaps with another gripper aperture.
     pub plan: Option<CatchPlan>,
     /// What it wants to know again.
     pub progress: Progress,

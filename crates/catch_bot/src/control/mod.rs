@@ -22,14 +22,15 @@ pub struct Config {
     /// Time from an observation until a command takes effect, in seconds: new motions start that much later.
     #[serde(deserialize_with = "quantity::latency_s")]
     pub expected_latency_s: f64,
-    /// Time from the start of a gripper move until the fingers move, in seconds; the gripper's own if nothing is said.
+    /// Time from the start of a gripper move until the fingers move, in seconds; the gripper's own if nothing
+    /// is said.
     #[serde(deserialize_with = "quantity::latency_s")]
     pub gripper_latency_s: Option<f64>,
     /// Force of closing in N per finger; the gripper's own limit if it is lower.
     #[serde(deserialize_with = "quantity::force_n")]
     pub closing_force_n: f64,
-    /// A catch whose cost of holding has risen by this much, as the flight is known better, is given up for one that costs that
-    /// much less.
+    /// A catch whose cost of holding has risen by this much, as the flight is known better, is given up for
+    /// one that costs that much less.
     #[serde(deserialize_with = "quantity::weight")]
     pub switching_hysteresis: f64,
 }
@@ -40,7 +41,8 @@ impl Default for Config {
     }
 }
 
-/// A plan that cannot be adjusted is kept while the object is expected within this distance of its grasp centre, in metres.
+/// A plan that cannot be adjusted is kept while the object is expected within this distance of its grasp
+/// centre, in metres.
 const TOLERATED_MISS_M: f64 = 0.006;
 /// And while its orientation differs by less than this, in radians.
 const TOLERATED_MISS_RAD: f64 = 0.03;
@@ -57,14 +59,15 @@ pub struct GripperPlan {
     pub speed_mps: f64,
 }
 
-/// Whether a plan whose motion cannot be changed any more still meets the object, for which the gripper would have to be at `X_WG`.
+/// Whether a plan whose motion cannot be changed any more still meets the object, for which the gripper would
+/// have to be at `X_WG`.
 pub fn is_still_good(plan: &CatchPlan, X_WG: &Pose, gripper: &Gripper) -> bool {
     let missed_by = (X_WG * gripper.grasp_centre() - plan.X_WG * gripper.grasp_centre()).norm();
     missed_by < TOLERATED_MISS_M && X_WG.rotation.angle_to(&plan.X_WG.rotation) < TOLERATED_MISS_RAD
 }
 
-/// The time of the smallest distance within 30 ms of a guess, by golden-section search: object and gripper pass each other
-/// on nearly straight lines there.
+/// The time of the smallest distance within 30 ms of a guess, by golden-section search: object and gripper
+/// pass each other on nearly straight lines there.
 fn closest(guess_s: f64, distance: impl Fn(f64) -> f64) -> f64 {
     let ratio = (5.0_f64.sqrt() - 1.0) / 2.0;
     let (mut low, mut high) = (guess_s - 0.03, guess_s + 0.03);
@@ -75,7 +78,8 @@ fn closest(guess_s: f64, distance: impl Fn(f64) -> f64) -> f64 {
     (low + high) / 2.0
 }
 
-/// The moves of the fingers: open this wide, then squeeze. Where it is time to squeeze already nothing opens them any more.
+/// The moves of the fingers: open this wide, then squeeze. Where it is time to squeeze already nothing opens
+/// them any more.
 pub fn gripper_moves(
     now_s: f64,
     aperture_m: f64,

@@ -6,8 +6,8 @@ use catch_cell::{ArmState, ArmTrajectory, Setpoint, TrajectoryId};
 
 use crate::trajectory_optimization::CatchPlan;
 
-/// A trajectory that does not execute this long after its start, by the arm's own clock, has been lost on its way, in seconds: longer than
-/// time stamps are off and the robot controller lags.
+/// A trajectory that does not execute this long after its start, by the arm's own clock, has been lost on its
+/// way, in seconds: longer than time stamps are off and the robot controller lags.
 const LOST_AFTER_S: f64 = 0.02;
 
 /// The plans that are executed or will be, oldest first, each with the identifier of its trajectory.
@@ -32,8 +32,8 @@ impl SentPlans {
         TrajectoryId(self.last_id)
     }
 
-    /// Learns from the arm's state what became of the trajectories. A plan that was rejected or lost is dropped, and so are those
-    /// that went on from it. Returns whether any was.
+    /// Learns from the arm's state what became of the trajectories. A plan that was rejected or lost is
+    /// dropped, and so are those that went on from it. Returns whether any was.
     pub fn acknowledge(&mut self, arm: &ArmState) -> bool {
         // Identifiers must be higher than all before them, whoever used those.
         let told = arm.rejected.iter().map(|it| it.id).chain(arm.executing);
@@ -45,7 +45,8 @@ impl SentPlans {
         self.plans.truncate(kept);
         let executing = self.plans.iter().position(|(id, _)| Some(*id) == arm.executing);
         let is_due = |plan: &CatchPlan| plan.trajectory.start_s() + LOST_AFTER_S < arm.time_s;
-        // Where trajectories follow each other more quickly than observations, all up to the executing one were taken.
+        // Where trajectories follow each other more quickly than observations, all up to the executing one
+        // were taken.
         let pending = executing.map_or(0, |at| at + 1);
         let kept = self.plans.iter().skip(pending).position(|(_, plan)| is_due(plan));
         self.plans.truncate(kept.map_or(self.plans.len(), |at| pending + at));
@@ -64,8 +65,8 @@ impl SentPlans {
         self.plans.back().map(|(_, plan)| plan)
     }
 
-    /// What the arm will be asked for at `time_s`: by the plan that will be executing then, or, where that is none of these, by
-    /// what its controller asks for now.
+    /// What the arm will be asked for at `time_s`: by the plan that will be executing then, or, where that is
+    /// none of these, by what its controller asks for now.
     pub fn setpoint(&self, time_s: f64, arm: &ArmState) -> Setpoint {
         let executing = self.plans.iter().rev().find(|(_, plan)| plan.trajectory.start_s() <= time_s);
         executing.map_or_else(|| arm.extrapolated(time_s), |(_, plan)| plan.trajectory.setpoint(time_s))

@@ -1,4 +1,5 @@
-//! Our catch planner: a search over catch times, grasps and arm angles, and replans of the catch that it chose.
+//! Our catch planner: a search over catch times, grasps and arm angles, and replans of the catch that it
+//! chose.
 
 use std::sync::Arc;
 
@@ -68,9 +69,9 @@ impl TimeGridSearch {
         }
     }
 
-    /// The same catch adjusted, else a little sooner or later, else the old motion while it is good enough, else another catch,
-    /// else as near to it as the arm can still come. Another catch also takes the place of one that promised more than it now
-    /// does.
+    /// The same catch adjusted, else a little sooner or later, else the old motion while it is good enough,
+    /// else another catch, else as near to it as the arm can still come. Another catch also takes the place
+    /// of one that promised more than it now does.
     fn replan(&self, situation: &Situation<'_>, incoming: &Incoming<'_>, running: &CatchPlan) -> Decision {
         let (start, search) = (&situation.start, &self.search);
         let to = Correction::new(start, incoming, running, running.catch_s);

@@ -1,5 +1,5 @@
-//! Darboux frames: the surface's normal and principal directions at a point (paper, III-C; ten Pas et al., Grasp pose
-//! detection in point clouds, 2017).
+//! Darboux frames: the surface's normal and principal directions at a point (paper, III-C; ten Pas et al.,
+//! Grasp pose detection in point clouds, 2017).
 
 use nalgebra::{Matrix3, Point3, SymmetricEigen, Vector3};
 
@@ -14,10 +14,11 @@ pub struct DarbouxFrame {
     pub principal: [Vector3<f64>; 2],
 }
 
-/// The frame at point `index` from the normals of its neighbours within `radius_m`: the eigenvectors of Σ n·nᵀ.
+/// The frame at point `index` from the normals of its neighbours within `radius_m`: the eigenvectors of Σ
+/// n·nᵀ.
 ///
-/// The eigenvector of the largest eigenvalue is the mean normal; the one of the smallest is the direction in which normals
-/// change least.
+/// The eigenvector of the largest eigenvalue is the mean normal; the one of the smallest is the direction in
+/// which normals change least.
 pub fn darboux_frame(points: &[Point3<f64>], normals: &[Vector3<f64>], index: usize, radius_m: f64) -> DarbouxFrame {
     let centre = points[index];
     let scatter: Matrix3<f64> = points

@@ -1,5 +1,5 @@
-//! Fitting the gripper to the object at one sampled frame: centred between the fingers, clear of palm and fingers, closing
-//! on something that does not slip.
+//! Fitting the gripper to the object at one sampled frame: centred between the fingers, clear of palm and
+//! fingers, closing on something that does not slip.
 
 use catch_body::{DriveControl, Gripper, Pose, shape::Cuboid};
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
@@ -14,8 +14,8 @@ const CONTACT_DEPTH_M: f64 = 0.003;
 const PALM_MARGIN_M: f64 = 0.006;
 /// "Strength": the grasp's axis may miss the centre of mass by this much (the paper's code).
 const MAX_STRENGTH_M: f64 = 0.03;
-/// The fingers' faces must meet the surface at most this far from its normal, in radians: the cone of a friction coefficient of 0.4, the lowest
-/// that is expected.
+/// The fingers' faces must meet the surface at most this far from its normal, in radians: the cone of a
+/// friction coefficient of 0.4, the lowest that is expected.
 const MAX_CONTACT_ANGLE_RAD: f64 = 0.38;
 
 /// Why a gripper cannot hold an object at one place.
@@ -45,8 +45,8 @@ impl std::fmt::Display for GraspFailure {
     }
 }
 
-/// The gripper with orientation `R_OG` over the surface point `sample`, open by the finger margin on each side if it opens that far, and by
-/// the approach margin at least.
+/// The gripper with orientation `R_OG` over the surface point `sample`, open by the finger margin on each
+/// side if it opens that far, and by the approach margin at least.
 ///
 /// # Errors
 /// Why it cannot hold the object there.
@@ -133,8 +133,8 @@ fn opening(gripper: &Gripper, config: &Config, object_width_m: f64) -> Result<(f
     Ok((aperture_m, margin_m))
 }
 
-/// How squarely the finger on one `side` (−1, 1) meets the surface of an object of this width at `X_GO`: the cosine of the angle between its face and
-/// the mean normal of what it touches, zero where that is nothing.
+/// How squarely the finger on one `side` (−1, 1) meets the surface of an object of this width at `X_GO`: the
+/// cosine of the angle between its face and the mean normal of what it touches, zero where that is nothing.
 fn squareness(reference: &ReferenceModel, gripper: &Gripper, X_GO: &Pose, width_m: f64, side: f64) -> f64 {
     let (half_gap, reach) = (gripper.finger_size_m[2] / 2.0, gripper.fingertip_y_m());
     let (sum, count) = reference

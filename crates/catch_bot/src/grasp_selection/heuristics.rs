@@ -1,8 +1,9 @@
 //! The paper's three heuristics (III-C): "strength", "catchability" and "comfort".
 //!
-//! "Catchability" differs from the paper's |v·z_G|, which only knows objects that pass through the gap. What matters is that
-//! the object does not move toward a finger: its velocity must lie in the plane of approach (y) and gap (z). In that plane it
-//! may pass through the gap or fly toward the palm, but not come from behind.
+//! "Catchability" differs from the paper's |v·z_G|, which only knows objects that pass through the gap. What
+//! matters is that the object does not move toward a finger: its velocity must lie in the plane of approach
+//! (y) and gap (z). In that plane it may pass through the gap or fly toward the palm, but not come from
+//! behind.
 
 use catch_body::{Pose, quantity};
 use nalgebra::{Point3, Vector3};
@@ -23,10 +24,12 @@ pub struct Weights {
     /// On how much farther from the palm than the grasp centre the centre of mass is, per 30 mm.
     #[serde(deserialize_with = "quantity::weight")]
     pub overhang: f64,
-    /// On the object's width between the fingers, per 100 mm: narrow parts are usually its long sides, which hold it better.
+    /// On the object's width between the fingers, per 100 mm: narrow parts are usually its long sides, which
+    /// hold it better.
     #[serde(deserialize_with = "quantity::weight")]
     pub width: f64,
-    /// On passing through the gap instead of flying toward the palm, which gives four times the time to close.
+    /// On passing through the gap instead of flying toward the palm, which gives four times the time to
+    /// close.
     #[serde(deserialize_with = "quantity::weight")]
     pub pass_through: f64,
     /// The fraction of the velocity that may point at a finger; grasps with more are dropped.
@@ -55,8 +58,8 @@ impl Default for Weights {
 const COMFORT: f64 = 0.2;
 
 impl Weights {
-    /// The cost of how an object comes in, by the parts of the direction of its velocity relative to the gripper that point at a
-    /// finger and away from the palm.
+    /// The cost of how an object comes in, by the parts of the direction of its velocity relative to the
+    /// gripper that point at a finger and away from the palm.
     pub fn of_direction(&self, sideways: f64, along: f64) -> f64 {
         self.catchability * sideways + self.pass_through * (1.0 + along)
     }
@@ -87,7 +90,8 @@ pub struct RankedGrasp {
     pub still_cost: f64,
 }
 
-/// An object that passes: its pose, along which direction in O it flies, where the arm stands, and what counts.
+/// An object that passes: its pose, along which direction in O it flies, where the arm stands, and what
+/// counts.
 #[derive(Debug, Clone, Copy)]
 pub struct Passing<'a> {
     X_WO: &'a Pose,
@@ -108,14 +112,15 @@ impl<'a> Passing<'a> {
         self.v_O != Vector3::zeros()
     }
 
-    /// Whether a grasp with these closing and approaching directions in O can catch it: it must neither move toward a finger nor come
-    /// from behind.
+    /// Whether a grasp with these closing and approaching directions in O can catch it: it must neither move
+    /// toward a finger nor come from behind.
     pub fn can_be_caught(&self, [closing_O, approach_O]: &[Vector3<f64>; 2]) -> bool {
         closing_O.dot(&self.v_O).abs() <= self.weights.max_sideways
             && approach_O.dot(&self.v_O) <= self.weights.max_from_behind
     }
 
-    /// Places a grasp with these closing and approaching directions in O on the object, and sums its heuristics.
+    /// Places a grasp with these closing and approaching directions in O on the object, and sums its
+    /// heuristics.
     pub fn rank(&self, index: usize, grasp: &Grasp, [closing_O, approach_O]: &[Vector3<f64>; 2]) -> RankedGrasp {
         let Self { X_WO, v_O, base, weights } = self;
         let X_WG = *X_WO * grasp.X_OG;

@@ -1,9 +1,9 @@
 //! Grasp selection (paper, III-C): where and how to hold the object.
 //!
-//! What depends on the object's shape alone is done once, from its reference scan: Darboux frames at sampled points become
-//! gripper poses in the object's frame, and those that collide, close on nothing or would slip are dropped ([`GraspSet`]).
-//! In flight the paper's heuristics rank what is left ([`heuristics`]): "strength", "catchability" and "comfort". What the arm
-//! can reach is asked by trajectory optimization.
+//! What depends on the object's shape alone is done once, from its reference scan: Darboux frames at sampled
+//! points become gripper poses in the object's frame, and those that collide, close on nothing or would slip
+//! are dropped ([`GraspSet`]). In flight the paper's heuristics rank what is left ([`heuristics`]):
+//! "strength", "catchability" and "comfort". What the arm can reach is asked by trajectory optimization.
 
 mod closing;
 pub mod darboux;
@@ -28,37 +28,40 @@ pub use heuristics::{Approach, Passing, RankedGrasp};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// The centre of mass may be this much farther from the palm than the grasp centre: a long object that flies toward the palm end first.
+    /// The centre of mass may be this much farther from the palm than the grasp centre: a long object that
+    /// flies toward the palm end first.
     #[serde(deserialize_with = "quantity::error_m")]
     pub max_overhang_m: f64,
-    /// Free space on each side between the object and the open fingers, in metres, for the prediction's uncertainty. Where the gripper does
-    /// not open so far there is less, not less than the approach margin.
+    /// Free space on each side between the object and the open fingers, in metres, for the prediction's
+    /// uncertainty. Where the gripper does not open so far there is less, not less than the approach margin.
     #[serde(deserialize_with = "quantity::error_m")]
     pub finger_margin_m: f64,
     /// What must be left of it while the object comes in, in metres.
     #[serde(deserialize_with = "quantity::error_m")]
     pub approach_margin_m: f64,
-    /// Speed of closing in m/s, the fingers relative to each other; the gripper's own limit if nothing is said.
+    /// Speed of closing in m/s, the fingers relative to each other; the gripper's own limit if nothing is
+    /// said.
     #[serde(deserialize_with = "quantity::drive_speed_mps")]
     pub closing_speed_mps: Option<f64>,
     /// How fast they gather it, in m/s²; likewise.
     #[serde(deserialize_with = "quantity::drive_acceleration_mps2")]
     pub closing_acceleration_mps2: Option<f64>,
-    /// The fingers should touch the object when its centre still has this far to go across them to the grasp centre, in metres: the
-    /// way on which they brake it.
+    /// The fingers should touch the object when its centre still has this far to go across them to the grasp
+    /// centre, in metres: the way on which they brake it.
     #[serde(deserialize_with = "quantity::error_m")]
     pub finger_braking_distance_m: f64,
-    /// The same for what flies along the fingers toward the palm, from which it would bounce: fingers that close slowly should
-    /// touch it as soon as it is between them.
+    /// The same for what flies along the fingers toward the palm, from which it would bounce: fingers that
+    /// close slowly should touch it as soon as it is between them.
     #[serde(deserialize_with = "quantity::error_m")]
     pub palm_braking_distance_m: f64,
-    /// What comes back from the palm as fast as it came must be held before it gets there; what comes back slowly may be held on
-    /// its way back, when all of it is between the fingers. The way is [`Config::palm_braking_distance_m`] less this times 1/e − 1, in
-    /// metres, e being [`Config::restitution`], at least 0.3; it may be negative.
+    /// What comes back from the palm as fast as it came must be held before it gets there; what comes back
+    /// slowly may be held on its way back, when all of it is between the fingers. The way is
+    /// [`Config::palm_braking_distance_m`] less this times 1/e − 1, in metres, e being
+    /// [`Config::restitution`], at least 0.3; it may be negative.
     #[serde(deserialize_with = "quantity::error_m")]
     pub palm_rebound_distance_m: f64,
-    /// How the object is expected to bounce off the gripper: its coefficient of restitution, 0 to 1; a typical 0.5 if it is not
-    /// set.
+    /// How the object is expected to bounce off the gripper: its coefficient of restitution, 0 to 1; a
+    /// typical 0.5 if it is not set.
     #[serde(deserialize_with = "quantity::fraction")]
     pub restitution: Option<f64>,
     /// Weights of the heuristics.
@@ -91,29 +94,30 @@ pub struct Sampling<'a> {
     pub fewest: usize,
     /// Grasps with which sampling ends, rotated ones aside, once the fewest points are tried.
     pub enough: usize,
-    /// Each grasp is also tried rotated by these angles about the direction in which the fingers close, in radians: they meet the surface as
-    /// squarely, but come from elsewhere.
+    /// Each grasp is also tried rotated by these angles about the direction in which the fingers close, in
+    /// radians: they meet the surface as squarely, but come from elsewhere.
     pub turns_rad: &'a [f64],
 }
 
 impl Sampling<'static> {
-    /// The paper draws 2,000 points in every call; here they are drawn once. An object as large as the gripper opens can be held at few places.
+    /// The paper draws 2,000 points in every call; here they are drawn once. An object as large as the
+    /// gripper opens can be held at few places.
     pub const DEFAULT: Self =
         Self { most: 4000, fewest: 250, enough: 250, turns_rad: &[-1.05, -0.52, 0.52, 1.05, 1.57] };
 }
 
 /// Seed of the draw.
 const SEED: u64 = 1;
-/// Neighbourhood of a Darboux frame in metres. The paper's code has 2 mm on a cloud of 2.5 mm spacing; a wider one keeps the noise of the
-/// scan out of the directions.
+/// Neighbourhood of a Darboux frame in metres. The paper's code has 2 mm on a cloud of 2.5 mm spacing; a
+/// wider one keeps the noise of the scan out of the directions.
 const DARBOUX_RADIUS_M: f64 = 0.008;
 /// Grasps that are handed on for each catch time.
 pub const KEPT: usize = 60;
-/// Fingers that need longer than this to close by the finger margin on both sides, in seconds, are slow: they wait nearer to the object, so
-/// that less is left to close and the motion can be corrected for longer.
+/// Fingers that need longer than this to close by the finger margin on both sides, in seconds, are slow: they
+/// wait nearer to the object, so that less is left to close and the motion can be corrected for longer.
 const SLOW_CLOSING_S: f64 = 0.25;
-/// How near slow fingers wait: this many standard deviations of the predicted position along the direction of closing on each side, not
-/// less than the approach margin nor more than the finger margin.
+/// How near slow fingers wait: this many standard deviations of the predicted position along the direction of
+/// closing on each side, not less than the approach margin nor more than the finger margin.
 const PRE_CLOSING_SD: f64 = 3.0;
 
 impl Config {
@@ -133,8 +137,8 @@ impl Config {
         self.closing(gripper).duration_s(2.0 * self.finger_margin_m) > SLOW_CLOSING_S
     }
 
-    /// How far on each side of an object slow fingers wait whose position along the direction of closing has this standard deviation; `None`
-    /// for fingers that are fast, or cannot wait anywhere.
+    /// How far on each side of an object slow fingers wait whose position along the direction of closing has
+    /// this standard deviation; `None` for fingers that are fast, or cannot wait anywhere.
     pub fn pre_closing_margin_m(&self, gripper: &Gripper, sd_m: impl FnOnce() -> f64) -> Option<f64> {
         let can_wait = gripper.drive.control != DriveControl::TwoState;
         (self.is_slow(gripper) && can_wait)
@@ -146,12 +150,13 @@ impl Config {
         self.restitution.unwrap_or(TYPICAL_RESTITUTION)
     }
 
-    /// How long before its held place passes the grasp centre, at `v_G` in G, the fingers should touch an object: so much earlier as
-    /// its centre, then `past_G` of the grasp centre, passes earlier, and what it takes for the way on which they brake it, across
-    /// them (along z_G) or along them toward the palm (along −y_G). Negative where they should touch it afterwards.
+    /// How long before its held place passes the grasp centre, at `v_G` in G, the fingers should touch an
+    /// object: so much earlier as its centre, then `past_G` of the grasp centre, passes earlier, and what it
+    /// takes for the way on which they brake it, across them (along z_G) or along them toward the palm (along
+    /// −y_G). Negative where they should touch it afterwards.
     ///
-    /// What is squeezed where its centre is stays; what has passed with its centre hangs out on the other side. Along the fingers
-    /// the centre does not count: the palm may be in its way.
+    /// What is squeezed where its centre is stays; what has passed with its centre hangs out on the other
+    /// side. Along the fingers the centre does not count: the palm may be in its way.
     pub fn contact_lead_s(&self, v_G: &Vector3<f64>, past_G: &Vector3<f64>) -> f64 {
         let rebound_distance_m = self.palm_rebound_distance_m * (1.0 / self.expected_restitution().max(SOFTEST) - 1.0);
         let palm_travel_m = self.palm_braking_distance_m - rebound_distance_m;
@@ -162,7 +167,8 @@ impl Config {
 
 /// How objects bounce of which nothing is known.
 const TYPICAL_RESTITUTION: f64 = 0.5;
-/// What is said to bounce less than this is taken to bounce so much: touched still later it would be gone if it bounced after all.
+/// What is said to bounce less than this is taken to bounce so much: touched still later it would be gone if
+/// it bounced after all.
 const SOFTEST: f64 = 0.3;
 
 /// A way of holding the object, fixed to the object.
@@ -200,7 +206,8 @@ pub struct GraspSet {
     pub surface_points: Vec<Point3<f64>>,
     /// Distance of the farthest of them from the centre of mass, in metres.
     pub radius_m: f64,
-    /// Rotations about the centre of mass under which the object looks the same: turned by one of them, a grasp holds it alike.
+    /// Rotations about the centre of mass under which the object looks the same: turned by one of them, a
+    /// grasp holds it alike.
     pub symmetry: Symmetry,
     /// Closing and approaching direction of every grasp, in O.
     axes: Vec<[Vector3<f64>; 2]>,
@@ -268,8 +275,8 @@ impl GraspSet {
         format!("of the places tried {}", reasons.join(", "))
     }
 
-    /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first, among those whose pose X_OG the gripper
-    /// `may_reach`; and whether there are any if it need not.
+    /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first, among those whose pose
+    /// X_OG the gripper `may_reach`; and whether there are any if it need not.
     ///
     /// `v_WO` is the velocity in W in m/s, `base` the origin of the arm's base in W in metres.
     pub fn rank(
@@ -310,7 +317,8 @@ const SURFACE_POINTS: usize = 450;
 /// Length of the edges of the smallest cells of which one point is kept.
 const SMALLEST_CELL_M: f64 = 0.003;
 
-/// A cloud with few points that still has corners and edges: of each cell of a grid the point that is farthest from the centre of mass.
+/// A cloud with few points that still has corners and edges: of each cell of a grid the point that is
+/// farthest from the centre of mass.
 fn surface_points(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
     let distance = |i: usize| points[i].coords.norm();
     let in_cells = |cell_m: f64| {

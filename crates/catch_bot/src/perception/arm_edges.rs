@@ -1,4 +1,5 @@
-//! Where the silhouette of the waiting arm crosses rows and columns of a camera's image, and how an image shows it.
+//! Where the silhouette of the waiting arm crosses rows and columns of a camera's image, and how an image
+//! shows it.
 
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::Vector4;
@@ -40,9 +41,11 @@ pub(super) struct ArmEdges {
 pub(super) struct Sight {
     /// Of the pixels that should show the arm, the fraction with any depth.
     pub measured_fraction: f64,
-    /// Of the pixels on both sides, the fraction that shows the arm where it should and else not. `None` if something stands before most.
+    /// Of the pixels on both sides, the fraction that shows the arm where it should and else not. `None` if
+    /// something stands before most.
     pub explained: Option<f64>,
-    /// Number of edges, and sums over them: of the regressors' products, and of these with the pixels of the arm that are missing.
+    /// Number of edges, and sums over them: of the regressors' products, and of these with the pixels of the
+    /// arm that are missing.
     pub edges: usize,
     pub information: nalgebra::Matrix4<f64>,
     pub pull: Vector4<f64>,
@@ -116,8 +119,8 @@ impl ArmEdges {
             }
             pixels += 2 * edge.reach;
             right += edge.reach - shown[0] + shown[1];
-            // The arm's pixels along the line are fewer by the shift of an edge at which it begins, by the fraction without a depth,
-            // and by what edges lose or gain.
+            // The arm's pixels along the line are fewer by the shift of an edge at which it begins, by the
+            // fraction without a depth, and by what edges lose or gain.
             let side = if edge.begins { 1.0 } else { -1.0 };
             let [u, v] = edge.gradient;
             let regressor = Vector4::new(side * u, side * v, edge.reach as f64, 1.0);

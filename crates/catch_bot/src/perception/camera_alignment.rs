@@ -1,10 +1,11 @@
 //! Where the cameras look, corrected by what they see of the arm.
 //!
-//! A camera that is turned by 0.05° sees everything at 7 m in a place 6 mm off, and what twenty of them agree on is still off by
-//! 2 mm along each axis: nothing in the flight of an object tells. But all of them see the arm, and the encoders say where it is.
-//! While it stands still, the silhouette that it has in an image is held against the one that it should have; the shift between both
-//! is how far the camera is turned. How far it is displaced cannot be told from that, and need not be: near the arm, where
-//! objects are caught, a small displacement looks like a turn.
+//! A camera that is turned by 0.05° sees everything at 7 m in a place 6 mm off, and what twenty of them agree
+//! on is still off by 2 mm along each axis: nothing in the flight of an object tells. But all of them see the
+//! arm, and the encoders say where it is. While it stands still, the silhouette that it has in an image is
+//! held against the one that it should have; the shift between both is how far the camera is turned. How far
+//! it is displaced cannot be told from that, and need not be: near the arm, where objects are caught, a small
+//! displacement looks like a turn.
 
 use catch_body::kinematics::LinkPoses;
 use catch_cell::{CameraModel, DepthFrame};
@@ -31,7 +32,8 @@ struct Crossing {
     at_px: f64,
     /// By how much that changes from line to line.
     slope: f64,
-    /// Which of the pixels within [`REACH_PX`] of it showed anything in any image, the first in the lowest bit.
+    /// Which of the pixels within [`REACH_PX`] of it showed anything in any image, the first in the lowest
+    /// bit.
     shown: u8,
 }
 
@@ -68,8 +70,8 @@ impl CameraAlignment {
         Self { cameras: told.to_vec(), outlines: Vec::new(), stood: None, images: vec![0; told.len()] }
     }
 
-    /// The same for an arm that will be waiting where `surroundings` say, which makes the first image cost no more than the
-    /// others.
+    /// The same for an arm that will be waiting where `surroundings` say, which makes the first image cost no
+    /// more than the others.
     pub fn before_flight(told: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
         let mut alignment = Self::new(told);
         if is_wanted(config) {
@@ -103,11 +105,11 @@ impl CameraAlignment {
         &self.cameras
     }
 
-    /// Takes in the images of one capture time and turns the cameras to what all of them tell, starting from how they were `told`
-    /// to stand.
+    /// Takes in the images of one capture time and turns the cameras to what all of them tell, starting from
+    /// how they were `told` to stand.
     ///
-    /// Nothing happens once the arm has moved, where images have masks (sensors that tell objects apart need not show the arm),
-    /// where the floor hides the arm's silhouette, and where cameras are known exactly.
+    /// Nothing happens once the arm has moved, where images have masks (sensors that tell objects apart need
+    /// not show the arm), where the floor hides the arm's silhouette, and where cameras are known exactly.
     pub fn observe(
         &mut self,
         frames: &[DepthFrame],
@@ -208,7 +210,8 @@ fn add_slopes(crossings: &mut [Crossing]) {
     }
 }
 
-/// By how much the silhouette is shifted in the images: least squares, with how far cameras are off as a prior.
+/// By how much the silhouette is shifted in the images: least squares, with how far cameras are off as a
+/// prior.
 fn shift_px(silhouette: &[Crossing], camera: &CameraModel, camera_sd_rad: f64) -> Vector2<f64> {
     let prior = Matrix2::identity() * (camera_sd_rad * camera.focal_px).powi(-2);
     let seen = |it: &Crossing| Some((it.found_px()? - it.at_px, it.gradient()));
@@ -243,8 +246,8 @@ impl Crossing {
         }
     }
 
-    /// Where it is in the images: between the pixels that show nothing and those that show something, some of which may be
-    /// missing. `None` if it is not clear.
+    /// Where it is in the images: between the pixels that show nothing and those that show something, some of
+    /// which may be missing. `None` if it is not clear.
     fn found_px(&self) -> Option<f64> {
         let first = self.last + 1 - REACH_PX;
         // Pixels of the arm may be missing, but where there is nothing nothing is seen.

@@ -1,9 +1,9 @@
 //! What is wrong with a camera, told from its full images while the arm waits where it is known to be.
 //!
-//! Along the silhouette of the arm pixels show the arm on one side and not on the other. Where a camera has no
-//! depths it is blinded; where its depths repeat bit for bit, although they are noisy, it is frozen; where its silhouette is
-//! elsewhere, it is displaced, or another camera's images come in its place. Cameras that do not see the arm are not judged by it. What they
-//! see of flights tells of a displacement, too.
+//! Along the silhouette of the arm pixels show the arm on one side and not on the other. Where a camera has
+//! no depths it is blinded; where its depths repeat bit for bit, although they are noisy, it is frozen; where
+//! its silhouette is elsewhere, it is displaced, or another camera's images come in its place. Cameras that
+//! do not see the arm are not judged by it. What they see of flights tells of a displacement, too.
 
 use std::fmt::{self, Display};
 
@@ -106,7 +106,8 @@ const WAITING: f64 = 2e-3;
 const BLINDED_FRACTION: f64 = 0.05;
 /// One that sees the same depth everywhere measures more than this fraction.
 const COVERED_FRACTION: f64 = 0.9;
-/// Of the pixels along the silhouette more than this fraction show what they should, but for a camera that is misplaced.
+/// Of the pixels along the silhouette more than this fraction show what they should, but for a camera that is
+/// misplaced.
 const EXPLAINED: f64 = 0.7;
 /// An image of which less is explained may be another camera's.
 const UNCLEAR: f64 = 0.85;
@@ -150,8 +151,8 @@ impl CameraHealth {
         &self.left_out
     }
 
-    /// A throw is over; where the cameras were seen to look during it is how they looked before. Flights may tell that
-    /// one is off.
+    /// A throw is over; where the cameras were seen to look during it is how they looked before. Flights may
+    /// tell that one is off.
     pub fn end_throw(&mut self, offsets: &[CameraOffset], config: &Config) {
         self.records.iter_mut().for_each(|it| it.shift.close());
         self.offsets.iter_mut().zip(offsets).for_each(|(it, offset)| it.add(offset));
@@ -257,7 +258,8 @@ impl CameraHealth {
         })
     }
 
-    /// The statuses, and which cameras are left out. Where most cameras seem to be displaced, the arm is: then they all stay.
+    /// The statuses, and which cameras are left out. Where most cameras seem to be displaced, the arm is:
+    /// then they all stay.
     fn conclude(&mut self) {
         let mut displaced = 0;
         for (record, status) in self.records.iter().zip(&mut self.statuses) {

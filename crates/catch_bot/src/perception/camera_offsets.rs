@@ -1,8 +1,9 @@
 //! How far each camera is off, from flights that all of them see.
 //!
-//! Poses that rest on one image each are compared with the predicted flight. Say that camera i alone is off, by t: its positions differ from the
-//! flight that the others see by t on average. That flight differs from the predicted one by a displacement and a velocity, which the positions
-//! of the others tell. Sums over each camera's positions are all that is needed, and throws add up.
+//! Poses that rest on one image each are compared with the predicted flight. Say that camera i alone is off,
+//! by t: its positions differ from the flight that the others see by t on average. That flight differs from
+//! the predicted one by a displacement and a velocity, which the positions of the others tell. Sums over each
+//! camera's positions are all that is needed, and throws add up.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -15,11 +16,13 @@ pub struct CameraOffset {
     pull: Vector3<f64>,
 }
 
-/// Σ Aᵀ·W·A over a camera's positions p + δp − τ·δv of information W and age τ, which differ by r from the predicted flight, A = [1, −τ, r]:
-/// normal equations for δp and δv, and beside them the squares. And the number of positions.
+/// Σ Aᵀ·W·A over a camera's positions p + δp − τ·δv of information W and age τ, which differ by r from the
+/// predicted flight, A = [1, −τ, r]: normal equations for δp and δv, and beside them the squares. And the
+/// number of positions.
 type Sums = (SMatrix<f64, 7, 7>, f64);
 
-/// A camera, a pose that rests on one image of it, how much older that is than the predicted flight, and how far from it.
+/// A camera, a pose that rests on one image of it, how much older that is than the predicted flight, and how
+/// far from it.
 type Sighting<'a> = (usize, &'a ObjectPose, f64, Vector3<f64>);
 
 /// What the registration of a single image is off by at least, in metres.
@@ -31,7 +34,8 @@ pub const MIN_CAMERAS: usize = 3;
 /// What is known from earlier throws counts for this fraction after each.
 const REMEMBERED: f64 = 0.8;
 
-/// Inverse covariance of the position of a pose, less what is not known of its orientation and of directions that the image does not tell.
+/// Inverse covariance of the position of a pose, less what is not known of its orientation and of directions
+/// that the image does not tell.
 fn of_position(pose: &ObjectPose) -> Option<Matrix3<f64>> {
     let block = |i, j| pose.information.fixed_view::<3, 3>(i, j).into_owned();
     let turns = (block(0, 0) + Matrix3::identity()).try_inverse()?;
@@ -52,8 +56,8 @@ fn offset((own, _): &Sums, (others, count): &Sums) -> Option<(CameraOffset, f64)
     Some((CameraOffset { information, pull: information * offset }, scale.max(1.0)))
 }
 
-/// The camera that is off by more than a bound, if there is one: the one that explains most. Others may have seemed to be off by that one, so
-/// that all begin anew.
+/// The camera that is off by more than a bound, if there is one: the one that explains most. Others may have
+/// seemed to be off by that one, so that all begin anew.
 pub fn displaced(offsets: &mut [CameraOffset], bound_m: f64) -> Option<usize> {
     let estimates = offsets.iter().map(CameraOffset::estimate).enumerate();
     let (camera, (squares, offset)) = estimates.max_by(|a, b| a.1.0.total_cmp(&b.1.0))?;

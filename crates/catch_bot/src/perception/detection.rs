@@ -1,5 +1,5 @@
-//! Where the object is when nobody knows: blobs of pixels in front of what is known to be there, in several cameras that agree
-//! on one place.
+//! Where the object is when nobody knows: blobs of pixels in front of what is known to be there, in several
+//! cameras that agree on one place.
 
 use catch_body::kinematics::LinkPoses;
 use catch_cell::{CameraModel, DepthFrame};
@@ -24,8 +24,8 @@ pub(super) struct Detector {
     stack: Vec<u32>,
 }
 
-/// What is known before anything flies: for each camera the depths before which the pixels of its whole image show something
-/// else than what is known to be there.
+/// What is known before anything flies: for each camera the depths before which the pixels of its whole image
+/// show something else than what is known to be there.
 #[derive(Debug)]
 struct Waiting {
     /// The arm that waits, and the opening of its gripper.
@@ -53,7 +53,8 @@ struct Blob {
 
 /// Pixels that a blob has at least: single ones are noise.
 const MIN_PIXELS: usize = 3;
-/// Fraction of the pixels of the largest ball within the object that a blob has which is enough alone: noise makes no such blobs.
+/// Fraction of the pixels of the largest ball within the object that a blob has which is enough alone: noise
+/// makes no such blobs.
 const WHOLE_FRACTION: f64 = 0.3;
 /// Blobs that are looked at, the largest of all.
 const MAX_BLOBS: usize = 96;
@@ -145,8 +146,8 @@ impl Detector {
             .then(|| refined(blobs, &place, reach_m))
     }
 
-    /// The pixels of one image that show something in front of all that is known to be there. Rays are cast for those alone
-    /// that what is known of a waiting arm does not explain.
+    /// The pixels of one image that show something in front of all that is known to be there. Rays are cast
+    /// for those alone that what is known of a waiting arm does not explain.
     fn choose_candidates(
         &mut self,
         frame: &DepthFrame,
@@ -163,7 +164,8 @@ impl Detector {
             let limits_m = nearer_than_m.and_then(|limits_m| limits_m.get((row + top) * wide + left..));
             for (run, depths_m) in depths_m.chunks(RUN).enumerate() {
                 let limits_m = limits_m.and_then(|limits_m| limits_m.get(run * RUN..)).unwrap_or(&ANYWHERE);
-                // Not a number is nearer than nothing. All at once, because in nearly all runs there is nothing to find.
+                // Not a number is nearer than nothing. All at once, because in nearly all runs there is
+                // nothing to find.
                 let is_near = |(depth_m, limit_m): (&f32, &f32)| (*depth_m > 0.0) & (depth_m < limit_m);
                 if !depths_m.iter().zip(limits_m).fold(false, |any, both| any | is_near(both)) {
                     continue;
@@ -288,7 +290,8 @@ impl Blob {
     }
 }
 
-/// Whether what one camera alone shows at a place is the object: it is large enough, and no other camera sees the place.
+/// Whether what one camera alone shows at a place is the object: it is large enough, and no other camera sees
+/// the place.
 fn is_enough_alone(blobs: &[Blob], place: &Point3<f64>, reach_m: f64, view: &View<'_>, config: &Config) -> bool {
     let Some(blob) = blobs.iter().filter(|blob| blob.is_whole).find(|blob| blob.passes(place, reach_m)) else {
         return false;
@@ -326,7 +329,8 @@ fn meeting(one: &Blob, two: &Blob, reach_m: f64) -> Option<Point3<f64>> {
     ((a - b).norm() < reach_m && one.passes(&place, reach_m) && two.passes(&place, reach_m)).then_some(place)
 }
 
-/// The place nearest to all rays that pass `place`: Σ n·(1 − d·dᵀ)·(x − c) = 0, and along each by what its depths tell.
+/// The place nearest to all rays that pass `place`: Σ n·(1 − d·dᵀ)·(x − c) = 0, and along each by what its
+/// depths tell.
 fn refined(blobs: &[Blob], place: &Point3<f64>, reach_m: f64) -> Point3<f64> {
     let (mut information, mut pull) = (Matrix3::zeros(), Vector3::zeros());
     for blob in blobs.iter().filter(|blob| blob.passes(place, reach_m)) {

@@ -1,7 +1,8 @@
 //! The signed distance from a cloud of oriented points, on a grid.
 //!
-//! Registering a cloud to a surface needs, for each point and iteration, its distance from the surface and the direction of
-//! that distance. A grid answers with its eight nearest nodes, without searching for neighbours.
+//! Registering a cloud to a surface needs, for each point and iteration, its distance from the surface and
+//! the direction of that distance. A grid answers with its eight nearest nodes, without searching for
+//! neighbours.
 
 use nalgebra::{Point3, Vector3};
 
@@ -31,13 +32,15 @@ const MOST_CELLS: f64 = 1e6;
 const COARSE_M: f64 = 0.01;
 /// Nearer to the surface than this the nearest points are believed.
 const LEAST_CLEARANCE_M: f64 = 1e-3;
-/// Two neighbouring nodes whose distances from the surface add up to more than so many spacings are on the same side of it.
+/// Two neighbouring nodes whose distances from the surface add up to more than so many spacings are on the
+/// same side of it.
 const SAME_SIDE: f64 = 1.5;
 /// Places of a region that are asked about at most.
 const MOST_LOOKED_AT: usize = 2000;
 /// How far what is known of a place tells of its neighbours.
 const SPREAD_M: f64 = 0.01;
-/// Within this distance of the cloud the surface is averaged over neighbours, beyond it the nearest point suffices.
+/// Within this distance of the cloud the surface is averaged over neighbours, beyond it the nearest point
+/// suffices.
 const BAND_M: f64 = 0.008;
 
 impl DistanceField {
@@ -55,15 +58,18 @@ impl DistanceField {
         self.fine.at(point).or_else(|| self.coarse.at(point)).unwrap_or_else(|| self.coarse.beyond(point))
     }
 
-    /// The same distance by the coarse nodes alone, which are few enough to be at hand: to tell places apart that are far from each other.
+    /// The same distance by the coarse nodes alone, which are few enough to be at hand: to tell places apart
+    /// that are far from each other.
     pub(super) fn about_m(&self, point: &Point3<f64>) -> f64 {
         self.coarse.at(point).unwrap_or_else(|| self.coarse.beyond(point)).0
     }
 
-    /// Turns inside out what is taken for the inside and is not: places that are free by `is_free`, which gets a place and its distance from
-    /// the surface and may not know, and those that are nearer to them than to places which are not, within one surface.
+    /// Turns inside out what is taken for the inside and is not: places that are free by `is_free`, which
+    /// gets a place and its distance from the surface and may not know, and those that are nearer to them
+    /// than to places which are not, within one surface.
     ///
-    /// The nearest points alone decide wrongly at thin walls, in the openings of a surface, and before parts of it that nobody saw.
+    /// The nearest points alone decide wrongly at thin walls, in the openings of a surface, and before parts
+    /// of it that nobody saw.
     pub(super) fn clear(&mut self, is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>) {
         self.fine.clear(is_free);
         self.coarse.clear(is_free);
@@ -104,12 +110,14 @@ struct Grid {
     /// Its inverse.
     per_m: f64,
     nodes: [usize; 3],
-    /// Value and its change from node to node along each axis, in metres: all four are wanted together, and lie together.
+    /// Value and its change from node to node along each axis, in metres: all four are wanted together, and
+    /// lie together.
     values: Vec<[f32; 4]>,
 }
 
 impl Grid {
-    /// A grid over the cloud and a margin, `spacing_m` between its nodes, or more where there would be too many.
+    /// A grid over the cloud and a margin, `spacing_m` between its nodes, or more where there would be too
+    /// many.
     fn around(cloud: &OrientedPoints<'_>, near: &PointGrid, spacing_m: f64, margin_m: f64) -> Self {
         let (low, high) = bounds(cloud.points);
         let lowest = low - Vector3::repeat(margin_m);
@@ -190,8 +198,8 @@ impl Grid {
         }
     }
 
-    /// Calls `visit` with the neighbours of a node inside that are on the same side of the surface: the two are farther from it together than
-    /// from each other.
+    /// Calls `visit` with the neighbours of a node inside that are on the same side of the surface: the two
+    /// are farther from it together than from each other.
     fn each_linked(&self, values: &[f32], node: usize, mut visit: impl FnMut(usize)) {
         let [nx, ny, _] = self.nodes;
         for (axis, stride) in [1, nx, nx * ny].into_iter().enumerate() {
@@ -206,8 +214,9 @@ impl Grid {
         }
     }
 
-    /// For each node the index of the nearest point, found by passing candidates on from node to node (a vector distance
-    /// transform: Danielsson, Euclidean Distance Mapping, 1980); off by a fraction of the points' spacing at most.
+    /// For each node the index of the nearest point, found by passing candidates on from node to node (a
+    /// vector distance transform: Danielsson, Euclidean Distance Mapping, 1980); off by a fraction of the
+    /// points' spacing at most.
     fn nearest_points(&self, points: &[Point3<f64>]) -> Vec<u32> {
         let [nx, ny, nz] = self.nodes;
         let mut nearest = vec![u32::MAX; nx * ny * nz];
@@ -270,8 +279,9 @@ impl Grid {
 
     /// Value and gradient between the nodes; `None` outside.
     ///
-    /// Axis by axis, values and gradients are blended linearly. Half of what the gradients at both ends disagree by is added to
-    /// the value, ½·t·(1 − t)·(g₀ − g₁), which makes it exact for every quadratic function.
+    /// Axis by axis, values and gradients are blended linearly. Half of what the gradients at both ends
+    /// disagree by is added to the value, ½·t·(1 − t)·(g₀ − g₁), which makes it exact for every quadratic
+    /// function.
     #[inline]
     fn at(&self, point: &Point3<f64>) -> Option<(f64, Vector3<f64>)> {
         let (first, fraction) = self.cell(point)?;
@@ -285,7 +295,8 @@ impl Grid {
         Some((f64::from(value), Vector3::new(f64::from(x), f64::from(y), f64::from(z)) * self.per_m))
     }
 
-    /// Value and gradient outside: the distance from the box of the grid added to the value where the box is nearest.
+    /// Value and gradient outside: the distance from the box of the grid added to the value where the box is
+    /// nearest.
     fn beyond(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         let high = Vector3::from_fn(|axis, _| (self.nodes[axis].max(2) as f64 - 1.0) * self.spacing_m * (1.0 - 1e-9));
         let nearest = point.sup(&self.lowest).inf(&(self.lowest + high));
@@ -305,16 +316,19 @@ fn blend<const AXIS: usize>(a: &[f32; 4], b: &[f32; 4], t: f32) -> [f32; 4] {
     between
 }
 
-/// Cosine of the angle by which normals within one neighbourhood differ at most where the surface is smooth: 50°.
+/// Cosine of the angle by which normals within one neighbourhood differ at most where the surface is smooth:
+/// 50°.
 const SMOOTH_COSINE: f64 = 0.64;
-/// Of two points on one smooth surface the way from one to the other is across their normals, but for this sine.
+/// Of two points on one smooth surface the way from one to the other is across their normals, but for this
+/// sine.
 const SMOOTH_SINE: f64 = 0.35;
 
 impl OrientedPoints<'_> {
     /// Signed distance of `at` from the surface, given the index of the nearest point.
     ///
-    /// Next to an edge it is that from two surfaces, of which each is smooth: in front of a convex edge the distance from the
-    /// edge itself, else from the one that is further out; at a concave one the other way round.
+    /// Next to an edge it is that from two surfaces, of which each is smooth: in front of a convex edge the
+    /// distance from the edge itself, else from the one that is further out; at a concave one the other way
+    /// round.
     fn distance(&self, near: &PointGrid, at: &Point3<f64>, nearest: usize) -> f64 {
         let (point, normal) = (self.points[nearest], self.normals[nearest]);
         let apart = at - point;
@@ -373,9 +387,10 @@ impl OrientedPoints<'_> {
 
     /// Signed distance from the smooth surface around a point of the cloud, and its normal there.
     ///
-    /// Each neighbour i of the point with its normal nᵢ, and the mean normal n̄ there, speak for a sphere that touches the
-    /// neighbour's tangent plane: its distance is (x − pᵢ)·(nᵢ + n̄) / (1 + nᵢ·n̄), exact on planes and spheres (the mean of
-    /// tangent-plane distances alone, as in implicit moving least squares, is too small by the curvature).
+    /// Each neighbour i of the point with its normal nᵢ, and the mean normal n̄ there, speak for a sphere
+    /// that touches the neighbour's tangent plane: its distance is (x − pᵢ)·(nᵢ + n̄) / (1 + nᵢ·n̄), exact on
+    /// planes and spheres (the mean of tangent-plane distances alone, as in implicit moving least squares, is
+    /// too small by the curvature).
     fn side(&self, near: &PointGrid, at: &Point3<f64>, around: usize) -> Option<(f64, Vector3<f64>)> {
         let (point, normal) = (self.points[around], self.normals[around]);
         let across = (at - point) - normal * (at - point).dot(&normal);

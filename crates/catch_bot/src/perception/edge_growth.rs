@@ -1,7 +1,8 @@
 //! How far stereo lets objects grow beyond their silhouettes.
 //!
-//! Stereo matches windows. Beside a depth edge some pixels show the nearer surface, others a depth between both, so that the edge of the
-//! object's pixels is blurred, and lies somewhere beside the silhouette: alike all around the object in one image.
+//! Stereo matches windows. Beside a depth edge some pixels show the nearer surface, others a depth between
+//! both, so that the edge of the object's pixels is blurred, and lies somewhere beside the silhouette: alike
+//! all around the object in one image.
 
 /// Standard deviation of a single pixel's place at an edge, by the edge's width.
 const BLUR_FRACTION: f64 = 0.35;

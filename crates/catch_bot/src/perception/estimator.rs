@@ -18,18 +18,21 @@ use super::{
 pub trait PoseEstimator {
     /// The object's pose X_WO in W in the images of one capture time, the origin of O at the centre of mass.
     ///
-    /// `view` has the images and the cameras' poses in W, `prior` what the last flight says of X_WO at that time.
+    /// `view` has the images and the cameras' poses in W, `prior` what the last flight says of X_WO at that
+    /// time.
     ///
     /// # Errors
     /// Why there is no pose.
     fn estimate(&mut self, view: &View<'_>, prior: Prior) -> Result<ObjectPose, PerceptionStatus>;
 
-    /// A rigid motion T in O, if the newest pose shows that all earlier ones had the object the wrong way around: it then was at X_WO·T.
+    /// A rigid motion T in O, if the newest pose shows that all earlier ones had the object the wrong way
+    /// around: it then was at X_WO·T.
     fn turned_over(&self) -> Option<Pose> {
         None
     }
 
-    /// The pose near `X_WO` in few images, which does not change what is estimated later. `None` if there is none, or the method cannot tell.
+    /// The pose near `X_WO` in few images, which does not change what is estimated later. `None` if there is
+    /// none, or the method cannot tell.
     fn estimate_aside(&mut self, _view: &View<'_>, _X_WO: &Pose) -> Option<ObjectPose> {
         None
     }
@@ -137,8 +140,9 @@ fn register_near(
     if scene.silhouette.is_empty() { fit } else { registration.register(scene, X_WO, true) }
 }
 
-/// Where a tracked pose explains the silhouette worse than this, the mean square of its rays' residuals in standard deviations, the object is
-/// registered from all around. Right poses have 0.5 to 2, wrong ones 3 to 7.
+/// Where a tracked pose explains the silhouette worse than this, the mean square of its rays' residuals in
+/// standard deviations, the object is registered from all around. Right poses have 0.5 to 2, wrong ones 3 to
+/// 7.
 const MAX_MISMATCH: f64 = 3.0;
 /// How far from the predicted position the object's pixels are looked for, in metres, beside its own size.
 pub const GATE_M: f64 = 0.05;
@@ -146,7 +150,8 @@ pub const GATE_M: f64 = 0.05;
 /// A pose explains images much better than another if its mismatch is less than this fraction.
 const MUCH_BETTER: f64 = 0.6;
 
-/// Finds a known object in depth images: what estimators share, whatever registration near a predicted pose they have.
+/// Finds a known object in depth images: what estimators share, whatever registration near a predicted pose
+/// they have.
 #[derive(Debug, Clone)]
 pub struct ObjectFinder {
     config: Config,
@@ -178,8 +183,8 @@ impl ObjectFinder {
 
     /// Finds the object in all depth images of one capture time.
     ///
-    /// From a predicted pose `register` brings the reference onto the scene's points; without one, or when it leads nowhere, the
-    /// object is looked for everywhere and all orientations are tried.
+    /// From a predicted pose `register` brings the reference onto the scene's points; without one, or when it
+    /// leads nowhere, the object is looked for everywhere and all orientations are tried.
     ///
     /// # Errors
     /// Why there is no pose.

@@ -25,11 +25,12 @@ const SAME_ORIENTATION_RAD: f64 = 0.3;
 const BLURRED_FRACTION: f64 = 0.5;
 
 impl Registration<'_> {
-    /// Registers from `R_WO` after each of the 24 rotations of the cube, of which one is within 63° of any orientation, but once from those
-    /// that look alike, and keeps the best.
+    /// Registers from `R_WO` after each of the 24 rotations of the cube, of which one is within 63° of any
+    /// orientation, but once from those that look alike, and keeps the best.
     ///
-    /// Orientations are compared on points alone, which is a third of the work, unless these err too much to tell them apart: then
-    /// by the silhouette too. What cannot be observed of the orientation is taken from `R_WO`.
+    /// Orientations are compared on points alone, which is a third of the work, unless these err too much to
+    /// tell them apart: then by the silhouette too. What cannot be observed of the orientation is taken from
+    /// `R_WO`.
     pub fn register_globally(
         &self,
         scene: &mut SceneCloud,
@@ -56,8 +57,8 @@ impl Registration<'_> {
         self.register(scene, &best.ok_or(PerceptionStatus::NotConverged)?.X_WO, with_silhouette)
     }
 
-    /// Where registrations end that start in each of the 24 rotations of the cube, with the middle of the scene in the middle of the
-    /// reference or at each of `anchors` of its surface: what the scene could be.
+    /// Where registrations end that start in each of the 24 rotations of the cube, with the middle of the
+    /// scene in the middle of the reference or at each of `anchors` of its surface: what the scene could be.
     pub fn hypotheses<'a>(
         &'a self,
         scene: &'a mut SceneCloud,

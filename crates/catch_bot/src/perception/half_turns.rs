@@ -1,7 +1,8 @@
 //! Which end is which: orientations that are half a turn apart.
 //!
-//! Half a turn about a principal axis leaves an object's extents as they are, and what tells both orientations apart may be smaller than a
-//! pixel where the object is first seen. All images together tell them apart: each adds how much better one of them explains it.
+//! Half a turn about a principal axis leaves an object's extents as they are, and what tells both
+//! orientations apart may be smaller than a pixel where the object is first seen. All images together tell
+//! them apart: each adds how much better one of them explains it.
 
 use std::f64::consts::PI;
 
@@ -16,7 +17,8 @@ const MOST_OF_IMAGE: f64 = 30.0;
 const DECISIVE: f64 = 60.0;
 /// Evidence for the present orientation from which on the other one is no longer asked for.
 const SETTLED: f64 = 150.0;
-/// Steps from the other orientation before it is compared: it is near by then, and one that is not counts as worse.
+/// Steps from the other orientation before it is compared: it is near by then, and one that is not counts as
+/// worse.
 pub(super) const COMPARED_AFTER: usize = 8;
 /// Orientations of the same looks are closer than this.
 const ALIKE_RAD: f64 = 0.3;
@@ -66,7 +68,8 @@ impl HalfTurns {
         self.next = 0;
     }
 
-    /// Compares `fit` with what `register` makes of the same images from one of the half turns. Returns the latter once the images speak for it.
+    /// Compares `fit` with what `register` makes of the same images from one of the half turns. Returns the
+    /// latter once the images speak for it.
     pub fn compare(&mut self, fit: &Fit, register: impl FnOnce(&Pose) -> Fit) -> Option<Fit> {
         let open = (0..self.turns.len()).map(|i| (self.next + i) % self.turns.len());
         let asked = open.into_iter().find(|i| self.turns[*i].evidence > -SETTLED)?;

@@ -1,7 +1,8 @@
 //! Perception (paper, III-B): the object's pose from one set of depth images.
 //!
-//! Pixels become points, points that belong to the object are kept ([`point_cloud`]), and the reference ([`ReferenceModel`])
-//! is registered to them ([`registration`]), starting from where the last trajectory says the object should be.
+//! Pixels become points, points that belong to the object are kept ([`point_cloud`]), and the reference
+//! ([`ReferenceModel`]) is registered to them ([`registration`]), starting from where the last trajectory
+//! says the object should be.
 
 mod arm_edges;
 pub mod camera_alignment;
@@ -50,19 +51,20 @@ pub use view::{Prior, View};
 pub struct Config {
     /// Depth noise of the cameras, as their data sheet has it; none if it is not set.
     pub depth_noise: Option<DepthNoise>,
-    /// Standard deviation in radians by which cameras may be turned about each axis from how they are said to stand: they are
-    /// aligned on the arm that they see. Zero where they are known exactly.
+    /// Standard deviation in radians by which cameras may be turned about each axis from how they are said to
+    /// stand: they are aligned on the arm that they see. Zero where they are known exactly.
     #[serde(deserialize_with = "quantity::error_rad")]
     pub camera_sd_rad: f64,
     /// Whether the cameras see the floor, the plane z = 0; not, if it is not set.
     pub floor_visible: Option<bool>,
     /// Whether depths may be missing where there is something; not, if it is not set.
     pub depth_dropout: Option<bool>,
-    /// Fraction of the depth noise's variance that all pixels of one image have in common; none if it is not set.
+    /// Fraction of the depth noise's variance that all pixels of one image have in common; none if it is not
+    /// set.
     #[serde(deserialize_with = "quantity::fraction")]
     pub depth_common_fraction: Option<f64>,
-    /// How many pixels beside a depth edge may show something else than what is there, because stereo matches windows; none if it is not
-    /// set.
+    /// How many pixels beside a depth edge may show something else than what is there, because stereo matches
+    /// windows; none if it is not set.
     #[serde(deserialize_with = "quantity::edge_px")]
     pub depth_edge_px: Option<u32>,
 }
@@ -106,7 +108,8 @@ pub struct ObjectPose {
     pub capture_s: f64,
     /// Pose of the object; O has its origin at the centre of mass as the reference model estimates it.
     pub X_WO: Pose,
-    /// Inverse covariance of (rotation vector in W, rad; position in W, m). Turns that cannot be seen have none.
+    /// Inverse covariance of (rotation vector in W, rad; position in W, m). Turns that cannot be seen have
+    /// none.
     pub information: Matrix6<f64>,
     /// Number of points that it rests on.
     pub points: usize,
@@ -140,7 +143,8 @@ pub enum PerceptionStatus {
     NoReference,
 }
 
-/// Buffers of an [`ObjectFinder`], kept so that finding an object need not allocate. They carry nothing from one call to the next.
+/// Buffers of an [`ObjectFinder`], kept so that finding an object need not allocate. They carry nothing from
+/// one call to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
     scene: SceneCloud,
@@ -149,8 +153,9 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// With what the cameras see of an arm that will be waiting where `surroundings` say while the object is looked for in images
-    /// without masks, which makes the search faster and changes nothing of what it finds but at the very edge of the arm.
+    /// With what the cameras see of an arm that will be waiting where `surroundings` say while the object is
+    /// looked for in images without masks, which makes the search faster and changes nothing of what it finds
+    /// but at the very edge of the arm.
     pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
         let detector = detection::Detector::before_flight(cameras, surroundings, config);
         Self { detector, ..Self::default() }

@@ -43,7 +43,8 @@ impl PointGrid {
         grid
     }
 
-    /// Calls `visit` with the index of every point that may lie within `radius_m` of `centre`, and of some beyond.
+    /// Calls `visit` with the index of every point that may lie within `radius_m` of `centre`, and of some
+    /// beyond.
     pub fn near(&self, centre: &Point3<f64>, radius_m: f64, mut visit: impl FnMut(usize)) {
         let reach = Vector3::repeat(radius_m);
         let (from, to) = (self.cell(&(centre - reach)), self.cell(&(centre + reach)));

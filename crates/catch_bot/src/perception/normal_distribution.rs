@@ -2,7 +2,8 @@
 
 /// φ(u)/Φ(−u) for the normal distribution.
 ///
-/// With Chebyshev's fit of Press et al. (Numerical Recipes, 6.2) to the complementary error function, good to 10⁻⁷.
+/// With Chebyshev's fit of Press et al. (Numerical Recipes, 6.2) to the complementary error function, good to
+/// 10⁻⁷.
 pub fn inverse_mills(u: f64) -> f64 {
     const C: [f64; 10] = [
         -1.265_512_23,

@@ -2,13 +2,14 @@
 
 use nalgebra::{Matrix3, Matrix6, Point3, Vector3, Vector6};
 
-/// Standard deviations at which a residual's weight has fallen to a quarter (Geman–McClure): 98 % efficient on normal noise.
+/// Standard deviations at which a residual's weight has fallen to a quarter (Geman–McClure): 98 % efficient
+/// on normal noise.
 pub(super) const OUTLIER_SD: f64 = 5.0;
 /// What the weighted mean square of normal residuals then is, in variances: E\[w·u²\]/E\[w\].
 pub(super) const MEAN_SQUARE: f64 = 0.873;
 
-/// Σ w·J·Jᵀ and Σ w·J·r over residuals r in standard deviations, J being the gradient of r with respect to a small turn and
-/// shift of the object in O.
+/// Σ w·J·Jᵀ and Σ w·J·r over residuals r in standard deviations, J being the gradient of r with respect to a
+/// small turn and shift of the object in O.
 ///
 /// With R → R·exp(δθ) and t → t + R·δt, a distance f whose gradient is n at the point p, all in O, changes by
 /// −(p × n)·δθ − n·δt.
@@ -22,7 +23,8 @@ pub(super) struct NormalEquations {
 impl NormalEquations {
     pub const ZERO: Self = Self { products: [0.0; 21], gradient: [0.0; 6] };
 
-    /// Adds a residual: the gradient of the distance at a point, the curvature by which it counts, and the slope of its cost.
+    /// Adds a residual: the gradient of the distance at a point, the curvature by which it counts, and the
+    /// slope of its cost.
     #[inline]
     pub fn add(&mut self, p_O: &Point3<f64>, n_O: &Vector3<f64>, curvature: f64, slope: f64) {
         let J = jacobian(p_O, n_O);
@@ -81,7 +83,8 @@ fn jacobian(p_O: &Point3<f64>, n_O: &Vector3<f64>) -> [f64; 6] {
     [turn.x, turn.y, turn.z, -n_O.x, -n_O.y, -n_O.z]
 }
 
-/// Σ w·k·J, Σ w·k² and Σ w·k·r over residuals r + k·e with a common error e in standard deviations, and the prior on that.
+/// Σ w·k·J, Σ w·k² and Σ w·k·r over residuals r + k·e with a common error e in standard deviations, and the
+/// prior on that.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CommonError {
     with_pose: [f64; 6],
@@ -95,7 +98,8 @@ impl CommonError {
         Self { with_pose: [0.0; 6], curvature: 1.0, slope: beyond_expected }
     }
 
-    /// Adds a residual as [`NormalEquations::add`] does, that changes by `effect` per standard deviation of the common error.
+    /// Adds a residual as [`NormalEquations::add`] does, that changes by `effect` per standard deviation of
+    /// the common error.
     #[inline]
     pub fn add(&mut self, p_O: &Point3<f64>, n_O: &Vector3<f64>, curvature: f64, slope: f64, effect: f64) {
         for (sum, J) in self.with_pose.iter_mut().zip(jacobian(p_O, n_O)) {

@@ -62,8 +62,8 @@ pub(super) struct PointResidual {
     pub by_depth_m: f64,
 }
 
-/// Points, silhouette rays and labels for which there is room from the start, so that larger images of the object than those
-/// before do not allocate.
+/// Points, silhouette rays and labels for which there is room from the start, so that larger images of the
+/// object than those before do not allocate.
 const ROOM_POINTS: usize = 4096;
 const ROOM_LABELS: usize = 1 << 17;
 
@@ -97,8 +97,9 @@ struct Shown {
 impl SceneCloud {
     /// Collects the object's points from all images, in place of those collected before.
     ///
-    /// A pixel is the object's if the image's mask says so; without a mask, if it lies in front of the surroundings and near
-    /// the predicted pose, which then must be given: X_WO, and how far beside the object it may be, in metres.
+    /// A pixel is the object's if the image's mask says so; without a mask, if it lies in front of the
+    /// surroundings and near the predicted pose, which then must be given: X_WO, and how far beside the
+    /// object it may be, in metres.
     pub fn collect(
         &mut self,
         view: &View<'_>,
@@ -201,7 +202,8 @@ impl SceneCloud {
         Point3::from(sum / self.points.len().max(1) as f64)
     }
 
-    /// Takes over at most about `most` of another cloud's points and half as many of its silhouette's rays, evenly.
+    /// Takes over at most about `most` of another cloud's points and half as many of its silhouette's rays,
+    /// evenly.
     pub(super) fn thin_from(&mut self, other: &Self, most: usize) {
         self.points.clear();
         self.points.extend(other.points.iter().step_by(stride(other.points.len(), most)));
@@ -209,7 +211,8 @@ impl SceneCloud {
     }
 }
 
-/// What the pixel at a column and row of a frame says, whose part `part` has these `labels`; elsewhere nothing.
+/// What the pixel at a column and row of a frame says, whose part `part` has these `labels`; elsewhere
+/// nothing.
 fn label_in(frame: &DepthFrame, part: &PixelWindow, labels: &[Label]) -> impl Fn(usize, usize) -> Label {
     let [left, top] = [part.left - frame.window.left, part.top - frame.window.top].map(|offset| offset as usize);
     let (wide, high) = (part.width as usize, part.height as usize);
@@ -227,8 +230,8 @@ struct Image<'a> {
 }
 
 impl Image<'_> {
-    /// Collects the measured pixels of a part that show the object by their labels, given by column and row in the frame, and returns the box
-    /// around all that do, measured or not.
+    /// Collects the measured pixels of a part that show the object by their labels, given by column and row
+    /// in the frame, and returns the box around all that do, measured or not.
     fn collect(
         &self,
         points: &mut Vec<ScenePoint>,

@@ -12,19 +12,20 @@ use super::{
 
 /// Error of the model itself, in metres: a point is off by this even without noise.
 pub const MODEL_SD_M: f64 = 0.0002;
-/// Points of a scan closer than this to each other are thinned, in metres: nearly all points of a scan with 200×150 pixels per camera are kept,
-/// and the work for denser ones is bounded.
+/// Points of a scan closer than this to each other are thinned, in metres: nearly all points of a scan with
+/// 200×150 pixels per camera are kept, and the work for denser ones is bounded.
 const REFERENCE_SPACING_M: f64 = 0.0015;
 /// Spacing of the points that are kept for choosing grasps, in metres: the voxels of the original.
 const GRASP_SPACING_M: f64 = 0.0025;
 /// Nodes of the signed distance field next to the surface, in metres.
 pub(super) const DISTANCE_GRID_M: f64 = 0.0025;
-/// Root mean square distance up to which a turned object counts as looking the same. Measured for turns by any angle: ≤ 0.3 mm on
-/// symmetric objects, ≥ 8 mm on others.
+/// Root mean square distance up to which a turned object counts as looking the same. Measured for turns by
+/// any angle: ≤ 0.3 mm on symmetric objects, ≥ 8 mm on others.
 const SYMMETRY_TOLERANCE_M: f64 = 0.0008;
-/// The same for single rotations, such as the quarter turns of a brick, as a fraction of the largest ball that fits into the object, where that
-/// is more: what differs by less is confused from one image to the next. Half of it counts for turns by any angle, so that a can with
-/// beads is round and a hexagonal prism is not.
+/// The same for single rotations, such as the quarter turns of a brick, as a fraction of the largest ball
+/// that fits into the object, where that is more: what differs by less is confused from one image to the
+/// next. Half of it counts for turns by any angle, so that a can with beads is round and a hexagonal prism is
+/// not.
 const CONFUSED_FRACTION: f64 = 0.08;
 
 /// The object as the brain knows it: its surface, its centre of mass and what it looks the same under.
@@ -34,8 +35,8 @@ const CONFUSED_FRACTION: f64 = 0.08;
 pub struct ReferenceModel {
     /// Points of the surface in O, metres, thinned.
     pub points: Vec<Point3<f64>>,
-    /// Outward unit normals, one per point. At an edge they point away from it, between those of both sides: a gripper may come
-    /// from there too.
+    /// Outward unit normals, one per point. At an edge they point away from it, between those of both sides:
+    /// a gripper may come from there too.
     pub normals: Vec<Vector3<f64>>,
     /// All points of the scan as they were seen, in O.
     pub scanned: Vec<Point3<f64>>,
@@ -69,7 +70,8 @@ impl ReferenceModel {
         Self::with_free_space(points, &seen, &|_, _| None)
     }
 
-    /// As [`from_points`](Self::from_points); `is_free` tells of places in R, so far from any surface, whether they are outside.
+    /// As [`from_points`](Self::from_points); `is_free` tells of places in R, so far from any surface,
+    /// whether they are outside.
     fn with_free_space(
         points: &[Point3<f64>],
         seen: &[Seen],
@@ -136,8 +138,8 @@ fn scanned_points(scan: &ReferenceScan) -> (Vec<Point3<f64>>, Vec<Seen>) {
     (points, seen)
 }
 
-/// Normal in C of the surface that a pixel and its neighbours show, of which in either direction the nearer in depth counts; `None` where
-/// there are none.
+/// Normal in C of the surface that a pixel and its neighbours show, of which in either direction the nearer
+/// in depth counts; `None` where there are none.
 fn facing_C(camera: &CameraModel, frame: &DepthFrame, pixel: usize) -> Option<Vector3<f64>> {
     let width = frame.window.width as usize;
     let is_object = |i: usize| frame.mask.as_ref().is_none_or(|mask| mask.get(i) == Some(&true));
@@ -159,8 +161,9 @@ fn facing_C(camera: &CameraModel, frame: &DepthFrame, pixel: usize) -> Option<Ve
     down.cross(&across).try_normalize(1e-12)
 }
 
-/// Whether some image of a scan shows that a place in R, which is `clearance_m` from any surface, is outside of the object: the ray of the
-/// nearest pixel passes it and meets the surface behind it, or none. `None` where pixels are too coarse to tell.
+/// Whether some image of a scan shows that a place in R, which is `clearance_m` from any surface, is outside
+/// of the object: the ray of the nearest pixel passes it and meets the surface behind it, or none. `None`
+/// where pixels are too coarse to tell.
 fn is_free(scan: &ReferenceScan, p_R: &Point3<f64>, clearance_m: f64) -> Option<bool> {
     let shown = scan.frames.iter().filter_map(|frame| {
         let camera = scan.cameras.get(frame.camera)?;
@@ -183,7 +186,8 @@ fn is_free(scan: &ReferenceScan, p_R: &Point3<f64>, clearance_m: f64) -> Option<
 /// Half the diagonal of a pixel, and some more for the noise of a scan.
 const PIXEL_REACH: f64 = 0.8;
 
-/// Index and depth of the pixels with a measured depth that are the object's; without a mask all that are measured.
+/// Index and depth of the pixels with a measured depth that are the object's; without a mask all that are
+/// measured.
 fn object_pixels(frame: &DepthFrame) -> impl Iterator<Item = (usize, f64)> {
     let masked = |i: usize| frame.mask.as_ref().is_none_or(|mask| mask.get(i).copied().unwrap_or(false));
     let depths = frame.depth_m.iter().take(frame.window.area()).enumerate();
@@ -192,8 +196,8 @@ fn object_pixels(frame: &DepthFrame) -> impl Iterator<Item = (usize, f64)> {
         .map(|(i, depth)| (i, f64::from(*depth)))
 }
 
-/// Points as [`thinned`] keeps them, about [`MOST_POINTS`] at most: they are wider apart on a large object, whose grasps, compared
-/// with each of them, would else cost the fourth power of its size.
+/// Points as [`thinned`] keeps them, about [`MOST_POINTS`] at most: they are wider apart on a large object,
+/// whose grasps, compared with each of them, would else cost the fourth power of its size.
 fn bounded<T: Copy>(points: &[Point3<f64>], attributes: &[T], spacing_m: f64) -> (Vec<Point3<f64>>, Vec<T>) {
     let all = thinned(points, attributes, spacing_m);
     let over = all.0.len() as f64 / MOST_POINTS as f64;
@@ -213,8 +217,8 @@ fn thinned<T: Copy>(points: &[Point3<f64>], attributes: &[T], spacing_m: f64) ->
     order.into_iter().map(|i| (points[i], attributes[i])).unzip()
 }
 
-/// Median distance from a point to its fourth nearest neighbour, divided by the square root of 4/π: the edge of the square
-/// that a point of a random cloud has to itself.
+/// Median distance from a point to its fourth nearest neighbour, divided by the square root of 4/π: the edge
+/// of the square that a point of a random cloud has to itself.
 fn typical_spacing(points: &[Point3<f64>]) -> f64 {
     let step = points.len().div_ceil(200);
     let mut fourth: Vec<f64> = points
@@ -260,8 +264,8 @@ const OPPOSITE_COSINE: f64 = -0.5;
 
 /// Gives each point the normal of the surface around it, and moves it onto that surface.
 ///
-/// Near an edge no smooth surface runs through all neighbours. There a point takes the surface of the neighbour whose own
-/// neighbours lie on one best, among those that it lies on itself.
+/// Near an edge no smooth surface runs through all neighbours. There a point takes the surface of the
+/// neighbour whose own neighbours lie on one best, among those that it lies on itself.
 fn oriented(
     points: &[Point3<f64>],
     seen: &[Seen],
@@ -305,9 +309,10 @@ const BETTER: f64 = 0.5;
 /// Errors of patches below this are nothing, in metres.
 const LEAST_ERROR_M: f64 = 1e-5;
 
-/// The surface through a point's neighbours: the quadric z = c₀ + c₁x + c₂y + c₃x² + c₄xy + c₅y² over the plane of their
-/// principal components, by least squares, whose normal does not suffer from lopsided neighbourhoods (Cazals and Pouget,
-/// Estimating differential quantities using polynomial fitting of osculating jets, 2005).
+/// The surface through a point's neighbours: the quadric z = c₀ + c₁x + c₂y + c₃x² + c₄xy + c₅y² over the
+/// plane of their principal components, by least squares, whose normal does not suffer from lopsided
+/// neighbourhoods (Cazals and Pouget, Estimating differential quantities using polynomial fitting of
+/// osculating jets, 2005).
 #[derive(Debug, Clone)]
 struct Patch {
     origin: Point3<f64>,
@@ -315,8 +320,8 @@ struct Patch {
     y_axis: Vector3<f64>,
     /// Normal of the plane, outwards.
     axis: Vector3<f64>,
-    /// Of coordinates in units of the neighbourhood's radius; zero where the neighbours determine no quadric or one that
-    /// bends too much to be believed.
+    /// Of coordinates in units of the neighbourhood's radius; zero where the neighbours determine no quadric
+    /// or one that bends too much to be believed.
     c: Vector6<f64>,
     radius_m: f64,
     /// Root mean square distance of the neighbours.

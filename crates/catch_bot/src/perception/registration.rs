@@ -1,9 +1,9 @@
 //! Registration by Gauss–Newton on the signed distance field.
 //!
-//! Minimizes Σ ρ(f(X_OW · pᵢ)/σᵢ) over X_WO, f being the signed distance from the reference and pᵢ the scene's points: what
-//! ICP with point-to-plane distances alternates towards (Chen and Medioni, Object modelling by registration of multiple
-//! range images, 1992), without searching for correspondences (Fitzgibbon, Robust registration of 2D and 3D point sets,
-//! 2003).
+//! Minimizes Σ ρ(f(X_OW · pᵢ)/σᵢ) over X_WO, f being the signed distance from the reference and pᵢ the
+//! scene's points: what ICP with point-to-plane distances alternates towards (Chen and Medioni, Object
+//! modelling by registration of multiple range images, 1992), without searching for correspondences
+//! (Fitzgibbon, Robust registration of 2D and 3D point sets, 2003).
 
 use catch_body::Pose;
 use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
@@ -43,30 +43,33 @@ pub struct Fit {
 
 /// Depth noise in radii of the object from which on depths are left aside where there is a silhouette.
 const HOPELESS_RADII: f64 = 0.5;
-/// A point's variance of its own is this fraction of all of it or more, whatever the points of an image have in common.
+/// A point's variance of its own is this fraction of all of it or more, whatever the points of an image have
+/// in common.
 const LEAST_OWN: f64 = 1e-3;
 /// How far before an object's centre its image lies, in its inner radii: two thirds for a ball.
 const FACING_RADII: f64 = 2.0 / 3.0;
 /// Silhouettes in so many images tell how far away an object is.
 const ENOUGH_SILHOUETTES: usize = 3;
-/// Steps that turn back and do not get shorter jump to and fro across a kink of the field, later ones that do not get shorter
-/// do so some other way: they are halved.
+/// Steps that turn back and do not get shorter jump to and fro across a kink of the field, later ones that do
+/// not get shorter do so some other way: they are halved.
 const FREE_STEPS: usize = 8;
 /// Unless they are longer than this many standard deviations, and so still on their way.
 const JUMPING_SD: f64 = 10.0;
-/// A start whose first step is shorter than this many standard deviations was near already, as the prediction of a tracked object
-/// is. Then steps may be longer by this factor to count as come to rest, because none of them has far to go.
+/// A start whose first step is shorter than this many standard deviations was near already, as the prediction
+/// of a tracked object is. Then steps may be longer by this factor to count as come to rest, because none of
+/// them has far to go.
 const NEAR_SD: f64 = 10.0;
 const NEAR_TOLERANCE: f64 = 2.0;
 /// Mean distances of points below this are all perfect, in metres.
 const LEAST_MEAN_M: f64 = 1e-5;
 /// And mean violations of the silhouette below this fraction of a pixel.
 const LEAST_MEAN_PX: f64 = 5e-4;
-/// The silhouette's scale falls to this fraction from one step to the next at most: bounds close in on the pose gradually.
+/// The silhouette's scale falls to this fraction from one step to the next at most: bounds close in on the
+/// pose gradually.
 const LEAST_SHRINKING: f64 = 0.6;
 
-/// How much larger than told the residuals of points and of silhouette rays are, never less than one. Estimated along, it
-/// weighs the two kinds against each other even if nobody told how noisy the depths are.
+/// How much larger than told the residuals of points and of silhouette rays are, never less than one.
+/// Estimated along, it weighs the two kinds against each other even if nobody told how noisy the depths are.
 #[derive(Debug, Clone, Copy)]
 struct Scales {
     points: f64,
@@ -75,7 +78,8 @@ struct Scales {
 
 /// Fewer points than this give no pose.
 pub const MIN_POINTS: usize = 6;
-/// Largest root mean square residual that is believed, in metres, beside three standard deviations of depth noise: wrong orientations left 6 mm.
+/// Largest root mean square residual that is believed, in metres, beside three standard deviations of depth
+/// noise: wrong orientations left 6 mm.
 pub const MAX_RESIDUAL_M: f64 = 0.005;
 /// Most iterations of one registration.
 const MAX_ITERATIONS: usize = 20;
@@ -83,7 +87,8 @@ const MAX_ITERATIONS: usize = 20;
 const STEP_TOLERANCE_M: f64 = 2e-6;
 /// Or when a step is shorter than this fraction of the pose's standard deviation.
 const STEP_TOLERANCE_SD: f64 = 0.1;
-/// Standard deviations in radians and metres that every pose has at least, because points of one frame err together.
+/// Standard deviations in radians and metres that every pose has at least, because points of one frame err
+/// together.
 const FLOOR_SD: [f64; 2] = [1e-3, 5e-5];
 
 /// Registration of a reference onto scenes.
@@ -115,7 +120,8 @@ impl<'a> Registration<'a> {
     ) -> Result<Fit, PerceptionStatus> {
         let (fit, converged) = self.iterate(scene, X_WO, MAX_ITERATIONS, with_silhouette);
         let limit_m = MAX_RESIDUAL_M + 3.0 * fit.noise_m;
-        // Depths that are off by as much as the object is large are noise, whatever was told; then the silhouette vouches for itself.
+        // Depths that are off by as much as the object is large are noise, whatever was told; then the
+        // silhouette vouches for itself.
         let is_noise = fit.residual_m > HOPELESS_RADII * self.reference.radius_m;
         let outlined = is_noise && fit.silhouette_residual_m.is_some_and(|residual_m| residual_m <= MAX_RESIDUAL_M);
         let believable = (fit.residual_m <= limit_m || outlined) && fit.points >= MIN_POINTS;
@@ -141,8 +147,8 @@ impl<'a> Registration<'a> {
         let mut X_WO = *start;
         let observable = reference.symmetry.observable();
         silhouette.find(reference, &X_WO);
-        // With infinite scales nothing is an outlier: the typical residual at the start, so that a start that is off does not
-        // turn everything to outliers.
+        // With infinite scales nothing is an outlier: the typical residual at the start, so that a start that
+        // is off does not turn everything to outliers.
         self.measure(&mut depths, &X_WO);
         let mut on_points = Sums::ZERO;
         for it in &*depths.residuals {
@@ -208,8 +214,8 @@ impl<'a> Registration<'a> {
         (fit, (converged || damping * in_sd < 1.0) && finite && fit.residual_m.is_finite())
     }
 
-    /// The normal equations of both kinds at a pose that points and rays have been brought to, each by what its residuals turn out to be
-    /// worth.
+    /// The normal equations of both kinds at a pose that points and rays have been brought to, each by what
+    /// its residuals turn out to be worth.
     fn sum_all(
         &self,
         depths: &Depths<'_>,
@@ -226,8 +232,8 @@ impl<'a> Registration<'a> {
         (on_points, on_rays, equations)
     }
 
-    /// What the mean depth of each image tells where single depths tell no shape: about how far away the object is. The silhouettes of
-    /// several images tell that much better.
+    /// What the mean depth of each image tells where single depths tell no shape: about how far away the
+    /// object is. The silhouettes of several images tell that much better.
     fn add_mean_depths(&self, equations: &mut NormalEquations, depths: &Depths<'_>, X_WO: &Pose) {
         let Some(common_fraction) = self.config.depth_common_fraction else { return };
         if depths.residuals.len() == depths.points.len() || depths.images().count() >= ENOUGH_SILHOUETTES {
@@ -279,8 +285,9 @@ impl<'a> Registration<'a> {
 
     /// Brings the residuals of all points whose depths tell the shape to a pose.
     ///
-    /// σ² = (σ_z·c)² + (σ_z²·(1 − c²)/2r)² + σ_model² with c = ∂r/∂z: noise moves the point along its ray, where the ray grazes
-    /// the surface to second order only, by what a surface of the object's thickness r bends.
+    /// σ² = (σ_z·c)² + (σ_z²·(1 − c²)/2r)² + σ_model² with c = ∂r/∂z: noise moves the point along its ray,
+    /// where the ray grazes the surface to second order only, by what a surface of the object's thickness r
+    /// bends.
     fn measure(&self, depths: &mut Depths<'_>, X_WO: &Pose) {
         let Self { reference, model_sd_m, .. } = *self;
         let R_OW = X_WO.rotation.to_rotation_matrix().transpose();
@@ -306,8 +313,8 @@ struct Depths<'a> {
     points: &'a [ScenePoint],
     /// Those of the images whose depths tell the object's shape.
     residuals: &'a mut Vec<PointResidual>,
-    /// Depths with a larger standard deviation tell no shape: nothing that the object's silhouette does not say better, and the field is no
-    /// measure of how they err.
+    /// Depths with a larger standard deviation tell no shape: nothing that the object's silhouette does not
+    /// say better, and the field is no measure of how they err.
     shapeless_above_m: f64,
 }
 
@@ -346,8 +353,8 @@ fn typical(sums: &Sums) -> f64 {
     (sums.squares / (MEAN_SQUARE * sums.weight.max(1e-12))).sqrt().max(1.0)
 }
 
-/// −2 × the log-likelihood of residuals, outliers included, if they are Laplace distributed with a width that only their mean
-/// tells, up to a constant: 2·n·ln(mean |r|).
+/// −2 × the log-likelihood of residuals, outliers included, if they are Laplace distributed with a width that
+/// only their mean tells, up to a constant: 2·n·ln(mean |r|).
 fn robust_cost(sums: &Sums, count: usize, least_m: f64) -> f64 {
     if count == 0 {
         return 0.0;
@@ -366,7 +373,8 @@ fn step(information: &Matrix6<f64>, gradient: &Vector6<f64>, radius_m: f64) -> O
     damped.cholesky().map(|factor| -factor.solve(gradient)).filter(|step| step.iter().all(|x| x.is_finite()))
 }
 
-/// The pose moved by a step in O, cut to what the distance field can be trusted for, and how far that moves the surface.
+/// The pose moved by a step in O, cut to what the distance field can be trusted for, and how far that moves
+/// the surface.
 fn moved(X_WO: &Pose, step: &Vector6<f64>, radius_m: f64) -> (Pose, f64) {
     let (turn, shift) = (step.fixed_rows::<3>(0), step.fixed_rows::<3>(3));
     let cut = (0.5 / turn.norm()).min(2.0 * radius_m / shift.norm()).min(1.0);
@@ -386,8 +394,8 @@ fn in_world(information: &Matrix6<f64>, X_WO: &Pose) -> Matrix6<f64> {
     with_floor(&(both * information * both.transpose()))
 }
 
-/// The information that remains when an error of such a size is added: (H⁻¹ + F)⁻¹ = H − H·(H + F⁻¹)⁻¹·H, which
-/// also holds where H has no inverse.
+/// The information that remains when an error of such a size is added: (H⁻¹ + F)⁻¹ = H − H·(H + F⁻¹)⁻¹·H,
+/// which also holds where H has no inverse.
 fn with_floor(information: &Matrix6<f64>) -> Matrix6<f64> {
     // No `powi`: of constants compilers may make another last bit.
     let [turn, shift] = FLOOR_SD.map(|sd| 1.0 / (sd * sd));
@@ -425,7 +433,8 @@ mod tests {
             let (_, gradient) = sums.equations.projected(&Matrix3::identity());
             let curvature = MODEL_SD_M.powi(-2);
             for i in 0..6 {
-                // Wide enough to average over the cells of the grid, whose gradients disagree a little: one cell, a lever arm being 5 cm.
+                // Wide enough to average over the cells of the grid, whose gradients disagree a little: one
+                // cell, a lever arm being 5 cm.
                 let half_m = DISTANCE_GRID_M / 2.0;
                 let h = if i < 3 { half_m / 0.05 } else { half_m };
                 let at = |sign: f64| {

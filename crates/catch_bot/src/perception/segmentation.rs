@@ -1,9 +1,10 @@
-//! Which pixels show the object where the images do not say: what lies in front of all that is known to be there.
+//! Which pixels show the object where the images do not say: what lies in front of all that is known to be
+//! there.
 //!
-//! Known are the floor, if the cameras see it, and the arm, whose surface the brain casts its own rays at. A pixel is in front
-//! of them if it is nearer by some standard deviations of the depth noise at that depth. While the object is tracked only
-//! pixels where it is expected are looked at. Where the object and what is behind it are too close to be told apart, the pixel
-//! says nothing, to the silhouette neither.
+//! Known are the floor, if the cameras see it, and the arm, whose surface the brain casts its own rays at. A
+//! pixel is in front of them if it is nearer by some standard deviations of the depth noise at that depth.
+//! While the object is tracked only pixels where it is expected are looked at. Where the object and what is
+//! behind it are too close to be told apart, the pixel says nothing, to the silhouette neither.
 
 use catch_body::{
     Pose,
@@ -175,19 +176,20 @@ fn body_m((centre_C, radius_m, X_BC, caster): &BodyInSight<'_>, ray_C: &Vector3<
     caster.cast_within(&origin, &(X_BC.rotation * ray_C), nearest_m).unwrap_or(nearest_m)
 }
 
-/// Standard deviations of depth noise by which a pixel must be nearer than what is known to be there. Of 2.4 million pixels 76 exceed four
-/// by noise alone, which are too few to hang together.
+/// Standard deviations of depth noise by which a pixel must be nearer than what is known to be there. Of 2.4
+/// million pixels 76 exceed four by noise alone, which are too few to hang together.
 const BACKGROUND_SD: f64 = 4.0;
 /// And metres beside that, for errors of the arm's model and of the cameras' calibration.
 pub(super) const BACKGROUND_MARGIN_M: f64 = 0.01;
 
-/// By how much a pixel must be nearer than what is known to be there: the depth noise there, and errors of the model.
+/// By how much a pixel must be nearer than what is known to be there: the depth noise there, and errors of
+/// the model.
 pub(super) fn threshold_m(depth_m: f64, config: &Config) -> f64 {
     BACKGROUND_MARGIN_M + BACKGROUND_SD * config.depth_sd_m(depth_m)
 }
 
-/// How far beside an edge of the arm a pixel may show the arm: the width of edges, and a pixel for where the arm is not quite where it is
-/// believed to be.
+/// How far beside an edge of the arm a pixel may show the arm: the width of edges, and a pixel for where the
+/// arm is not quite where it is believed to be.
 pub(super) fn bleeding_px(config: &Config) -> u32 {
     if config.edge_px() > 0 { config.edge_px() + 1 } else { 0 }
 }
@@ -207,11 +209,11 @@ impl Expected {
     }
 }
 
-/// Labels the pixels of a part of a frame, row by row, for an object expected there, and returns the box around those that show
-/// it.
+/// Labels the pixels of a part of a frame, row by row, for an object expected there, and returns the box
+/// around those that show it.
 ///
-/// What is behind a pixel costs a ray, so it is asked of pixels at the object's depth alone, and then of those beside the
-/// object's: all others are left unknown.
+/// What is behind a pixel costs a ray, so it is asked of pixels at the object's depth alone, and then of
+/// those beside the object's: all others are left unknown.
 pub(super) fn label(
     labels: &mut Vec<Label>,
     frame: &DepthFrame,
@@ -298,12 +300,13 @@ pub(super) fn label(
     PixelWindow { left, top, width, height }
 }
 
-/// So many of a pixel's eight neighbours show the object if it is a hole in the object's image, or at least not clearly beside it:
-/// a straight edge has five on its inside and three on its outside.
+/// So many of a pixel's eight neighbours show the object if it is a hole in the object's image, or at least
+/// not clearly beside it: a straight edge has five on its inside and three on its outside.
 const HOLE_NEIGHBOURS: usize = 4;
 
-/// Where depths may be missing, a pixel without one that is surrounded by the object cannot tell. Others without one, with
-/// nothing known behind them, are most likely beside the object: all of these have no depth, of the object's only a few.
+/// Where depths may be missing, a pixel without one that is surrounded by the object cannot tell. Others
+/// without one, with nothing known behind them, are most likely beside the object: all of these have no
+/// depth, of the object's only a few.
 fn mark_uncertain_holes(labels: &mut [Label], part: &PixelWindow, is_measured: impl Fn(u32, u32) -> bool) {
     let (wide, high) = (part.width as usize, part.height as usize);
     for i in 0..labels.len() {

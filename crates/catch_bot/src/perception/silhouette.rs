@@ -1,8 +1,9 @@
 //! Silhouettes: what pixels at the object's silhouette say.
 //!
-//! The ray through a pixel that shows the object meets it, the ray through a neighbour that does not passes it by. That holds however bad the
-//! depths are: with stereo noise at seven metres the silhouette carries the information. Each such ray is a one-sided bound on the pose, and
-//! hundreds of them leave little room: far less than if each told the silhouette's place to within a pixel by itself.
+//! The ray through a pixel that shows the object meets it, the ray through a neighbour that does not passes
+//! it by. That holds however bad the depths are: with stereo noise at seven metres the silhouette carries the
+//! information. Each such ray is a one-sided bound on the pose, and hundreds of them leave little room: far
+//! less than if each told the silhouette's place to within a pixel by itself.
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, PixelWindow};
@@ -31,11 +32,12 @@ pub struct SilhouetteRay {
     pub pixel_rad: f64,
     /// Number of its image.
     image: usize,
-    /// Where it comes nearest to the surface (or goes deepest below it): how far along it, and how the distance bends there,
-    /// in 1/m.
+    /// Where it comes nearest to the surface (or goes deepest below it): how far along it, and how the
+    /// distance bends there, in 1/m.
     along_m: f64,
     bend_per_m: f64,
-    /// Signed distance of that place from the surface, in metres; the place and the gradient there, both in O.
+    /// Signed distance of that place from the surface, in metres; the place and the gradient there, both in
+    /// O.
     distance_m: f64,
     p_O: Point3<f64>,
     n_O: Vector3<f64>,
@@ -47,15 +49,16 @@ pub struct SilhouetteRay {
     seen_after_m: f64,
 }
 
-/// Standard deviation in pixels by which the object's silhouette in an image may be off: not by the pixels' size, which is allowed for, but by
-/// the mask's and the cameras' own errors.
+/// Standard deviation in pixels by which the object's silhouette in an image may be off: not by the pixels'
+/// size, which is allowed for, but by the mask's and the cameras' own errors.
 const SILHOUETTE_SD_PX: f64 = 0.015;
-/// Silhouettes are used once the points lie further than this from the reference, root mean square in metres: below it they would add
-/// nothing but time.
+/// Silhouettes are used once the points lie further than this from the reference, root mean square in metres:
+/// below it they would add nothing but time.
 pub(super) const SILHOUETTE_ABOVE_M: f64 = 0.001;
 /// Standard deviations by which a bound must be kept before it no longer matters.
 const IDLE_SD: f64 = 3.0;
-/// How far the object may move, and how much the silhouette's scale may grow, before all rays are asked again whether they matter.
+/// How far the object may move, and how much the silhouette's scale may grow, before all rays are asked again
+/// whether they matter.
 const NEARBY_M: f64 = 0.002;
 const SCALE_GROWTH: f64 = 1.5;
 /// Bends of the distance along a ray that are believed, in 1/m: radii from 2 mm to 0.5 m.
@@ -89,7 +92,8 @@ impl SilhouetteRay {
         }
     }
 
-    /// How far the bound is broken in metres, where the object has grown as `edges` say; negative if it is kept.
+    /// How far the bound is broken in metres, where the object has grown as `edges` say; negative if it is
+    /// kept.
     fn violation_m(&self, edges: &[EdgeGrowth]) -> f64 {
         if self.inside { self.beyond_m(edges) } else { -self.beyond_m(edges) }
     }
@@ -115,8 +119,8 @@ impl SilhouetteRay {
         self.violation_m(edges) + (moved_m - self.seen_after_m) < -IDLE_SD * scale * self.sd_m
     }
 
-    /// Finds the nearest place to the surface anew: from where its `neighbour` of the same camera came nearest, or else from the
-    /// best of where it passes the object's centre and halfway to either side.
+    /// Finds the nearest place to the surface anew: from where its `neighbour` of the same camera came
+    /// nearest, or else from the best of where it passes the object's centre and halfway to either side.
     fn find(&mut self, reference: &ReferenceModel, view: &Viewpoint, neighbour: Option<&Self>) {
         let p_OC = view.p_OC;
         let direction_O = view.R_OW * self.direction_W;
@@ -139,7 +143,8 @@ impl SilhouetteRay {
         let first_m = hint_m.unwrap_or(middle_m);
         self.along_m = first_m;
         let (mut least_m, mut gradient) = look(first_m);
-        // A neighbour is hint enough, unless the ray does not do there what its pixel says. Elsewhere the coarse nodes choose.
+        // A neighbour is hint enough, unless the ray does not do there what its pixel says. Elsewhere the
+        // coarse nodes choose.
         let is_sure = reference.symmetry == Symmetry::Sphere || hint_m.is_some() && (least_m < 0.0) == self.inside;
         let coarsely = |along_m| (reference.distance.about_m(&(p_OC + direction_O * along_m)), along_m);
         let elsewhere = [middle_m, middle_m - 0.5 * half_m, middle_m + 0.5 * half_m].into_iter().filter(|_| !is_sure);
@@ -177,9 +182,11 @@ impl SilhouetteRay {
         self.settle(distance_m, &gradient, &view.p_OC, &direction_O);
     }
 
-    /// Takes the distance and its gradient where the ray was looked at, and corrects for what the nearest place is beside it.
+    /// Takes the distance and its gradient where the ray was looked at, and corrects for what the nearest
+    /// place is beside it.
     fn settle(&mut self, distance_m: f64, gradient: &Vector3<f64>, p_OC: &Point3<f64>, direction_O: &Vector3<f64>) {
-        // The parabola f + g·s + ½b·s² is lowest at s = −g/b, by g²/2b, and there its gradient is across the ray.
+        // The parabola f + g·s + ½b·s² is lowest at s = −g/b, by g²/2b, and there its gradient is across the
+        // ray.
         let slope = gradient.dot(direction_O);
         let ahead_m = (-slope / self.bend_per_m).clamp(-BELIEVED_M, BELIEVED_M);
         self.distance_m = distance_m + (slope + 0.5 * self.bend_per_m * ahead_m) * ahead_m;
@@ -191,7 +198,8 @@ impl SilhouetteRay {
     }
 }
 
-/// The silhouette of an object in one set of images: its rays, and those few of them that matter while the object moves little.
+/// The silhouette of an object in one set of images: its rays, and those few of them that matter while the
+/// object moves little.
 #[derive(Debug, Clone, Default)]
 pub struct Silhouette {
     rays: Vec<SilhouetteRay>,
@@ -282,8 +290,9 @@ impl Silhouette {
         self.near.iter().map(|&i| &self.rays[i as usize])
     }
 
-    /// Root mean square by which broken bounds are broken, in multiples of what it should be: √⅔ standard deviations, since
-    /// E\[u²; u > 0\] = ∫u²·Φ(−u)du / ∫Φ(−u)du = ⅔ for rays at any distance from the silhouette.
+    /// Root mean square by which broken bounds are broken, in multiples of what it should be: √⅔ standard
+    /// deviations, since E\[u²; u > 0\] = ∫u²·Φ(−u)du / ∫Φ(−u)du = ⅔ for rays at any distance from the
+    /// silhouette.
     pub(super) fn typical_violation(&self, scale: f64) -> f64 {
         let (mut weights, mut squares) = (0.0, 0.0);
         for ray in self.near().filter(|ray| ray.violation_m(&self.edges) > 0.0) {
@@ -296,8 +305,8 @@ impl Silhouette {
         ((squares + 2.0 / 3.0) / (weights + 1.0) * 1.5).sqrt()
     }
 
-    /// Mean square over all rays by which bounds are broken, in standard deviations; what is broken by more than outliers are counts
-    /// like them, so that every ray that says otherwise has one vote.
+    /// Mean square over all rays by which bounds are broken, in standard deviations; what is broken by more
+    /// than outliers are counts like them, so that every ray that says otherwise has one vote.
     pub(super) fn mean_square(&self) -> f64 {
         let broken = self.near().map(|ray| (ray.violation_m(&self.edges) / ray.sd_m).clamp(0.0, OUTLIER_SD));
         broken.map(|in_sd| in_sd * in_sd).sum::<f64>() / self.len().max(1) as f64
@@ -309,8 +318,9 @@ impl Silhouette {
         sum / self.rays.len().max(1) as f64
     }
 
-    /// Sums over the rays where they are: each costs −ln Φ(−u), u being by how many standard deviations its bound is broken. How far
-    /// the object has grown in an image is eliminated, and then brought to where that cost is least.
+    /// Sums over the rays where they are: each costs −ln Φ(−u), u being by how many standard deviations its
+    /// bound is broken. How far the object has grown in an image is eliminated, and then brought to where
+    /// that cost is least.
     pub(super) fn sum(&mut self, scale: f64) -> Sums {
         let Self { rays, edges, near, .. } = self;
         let mut sums = Sums::ZERO;
@@ -335,7 +345,8 @@ impl Silhouette {
                     sums.equations.add(&ray.p_O, &ray.n_O, curvature, slope);
                     continue;
                 };
-                // Blur is an angle: what it covers grows with the distance, and must not be what makes the object seem farther away.
+                // Blur is an angle: what it covers grows with the distance, and must not be what makes the
+                // object seem farther away.
                 let n_O = ray.n_O + ray.direction_O * (ray.distance_m / ray.along_m);
                 sums.equations.add(&ray.p_O, &n_O, curvature, slope);
                 growth.add(&ray.p_O, &n_O, curvature, slope, -growth_sd_px * ray.pixel_m());
@@ -348,8 +359,8 @@ impl Silhouette {
         sums
     }
 
-    /// Appends the rays at the silhouette of an object whose pixels lie within `part` of an image's window, given how wide its edges
-    /// are and what the pixel at a column and row of the window says.
+    /// Appends the rays at the silhouette of an object whose pixels lie within `part` of an image's window,
+    /// given how wide its edges are and what the pixel at a column and row of the window says.
     pub(super) fn collect(
         &mut self,
         window: PixelWindow,

@@ -46,8 +46,8 @@ pub(super) const SIGNIFICANT: f64 = 5.0;
 const RIGHT_AGAIN: f64 = 0.7;
 /// One that has moved by more than this fraction of the bounds may have been pushed.
 const SUSPECT: f64 = 0.5;
-/// Standard deviations of what is not known of an image beforehand: shifts in pixels, the fraction without a depth, and how far edges
-/// grow in pixels.
+/// Standard deviations of what is not known of an image beforehand: shifts in pixels, the fraction without a
+/// depth, and how far edges grow in pixels.
 const PRIOR_SD: [f64; 4] = [20.0, 20.0, 0.3, 3.0];
 
 impl Shift {
@@ -76,7 +76,8 @@ impl ShiftHistory {
         self.is_displaced
     }
 
-    /// What was seen lately becomes what was seen before. What is too little to tell, may be a push or is one stays as it is.
+    /// What was seen lately becomes what was seen before. What is too little to tell, may be a push or is one
+    /// stays as it is.
     pub fn close(&mut self) {
         if !self.is_displaced && !self.is_suspect && self.now.images >= MIN_IMAGES {
             self.before.add(&std::mem::take(&mut self.now), MOST_BEFORE);
@@ -146,7 +147,8 @@ mod tests {
         }
     }
 
-    /// A throw in which the camera gives so many images, off by `mean_px` to the right. Whether it is displaced afterwards.
+    /// A throw in which the camera gives so many images, off by `mean_px` to the right. Whether it is
+    /// displaced afterwards.
     fn throw(history: &mut ShiftHistory, images: usize, mean_px: f64, normal: &mut Normal) -> bool {
         let config = Config { camera_sd_rad: 0.001, ..Config::default() };
         let mut named = false;

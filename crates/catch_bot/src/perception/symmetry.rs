@@ -1,4 +1,5 @@
-//! Rotations under which an object looks the same. What looks the same cannot be observed, and must not be compared.
+//! Rotations under which an object looks the same. What looks the same cannot be observed, and must not be
+//! compared.
 
 use std::f64::consts::{PI, TAU};
 
@@ -25,7 +26,8 @@ impl Default for RotationGroup {
 }
 
 impl RotationGroup {
-    /// The group that `generators` make; rotations that are nearly the same are one, and what goes beyond those of a cube is left out.
+    /// The group that `generators` make; rotations that are nearly the same are one, and what goes beyond
+    /// those of a cube is left out.
     pub fn generated(generators: impl IntoIterator<Item = UnitQuaternion<f64>>) -> Self {
         let mut group = Self::default();
         generators.into_iter().for_each(|it| group.insert(it));
@@ -60,7 +62,8 @@ impl RotationGroup {
     }
 }
 
-/// Rotations about the centre of mass under which the object looks the same, and with that how much of its rotation matters.
+/// Rotations about the centre of mass under which the object looks the same, and with that how much of its
+/// rotation matters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "an object has one, which a box would keep from being copied")]
 pub enum Symmetry {
@@ -71,14 +74,15 @@ pub enum Symmetry {
         /// Inertia tensor about the centre of mass in O, divided by the mass, in m²: it rules the tumbling.
         inertia_per_kg: Matrix3<f64>,
     },
-    /// Any turn about one axis: only where the axis points can be seen. It turns at a constant rate about a fixed direction
-    /// whatever the spin (the free symmetric top).
+    /// Any turn about one axis: only where the axis points can be seen. It turns at a constant rate about a
+    /// fixed direction whatever the spin (the free symmetric top).
     Axis {
         /// The axis in O.
         axis: Unit<Vector3<f64>>,
         /// Whether the object also looks the same with the axis reversed.
         reversible: bool,
-        /// Moment of inertia about the axis, divided by that across it. The axis turns about the angular momentum at ω_⊥ + this·ω_∥.
+        /// Moment of inertia about the axis, divided by that across it. The axis turns about the angular
+        /// momentum at ω_⊥ + this·ω_∥.
         axial_inertia: f64,
     },
     /// Any turn at all.
@@ -109,9 +113,10 @@ const FINEST_STEP: f64 = 2e-3;
 const TRIAL_ANGLES: [f64; 5] = [0.4, 0.9, 1.7, 2.3, 3.0];
 
 impl Symmetry {
-    /// Tries rotations about the principal axes of an object given by its points and distance field in O and its second moment
-    /// ∫ x·xᵀ dV / V: it looks the same if the rotated points lie within `tolerance_m` (root mean square) of the surface, for single rotations
-    /// within `confused_m`, for turns by any angle within half of that: what is not told apart in flight.
+    /// Tries rotations about the principal axes of an object given by its points and distance field in O and
+    /// its second moment ∫ x·xᵀ dV / V: it looks the same if the rotated points lie within `tolerance_m`
+    /// (root mean square) of the surface, for single rotations within `confused_m`, for turns by any angle
+    /// within half of that: what is not told apart in flight.
     pub(super) fn find(
         points: &[Point3<f64>],
         distance: &DistanceField,
@@ -156,9 +161,10 @@ impl Symmetry {
         }
     }
 
-    /// Axes of rotations that may leave an object as it looks, where its principal axes are arbitrary: where two principal moments are
-    /// nearly equal, as those of a prism, one of both is the axis about which half a turn changes least; where all three are, as those
-    /// of a cube or a tetrahedron, axes are looked for all around.
+    /// Axes of rotations that may leave an object as it looks, where its principal axes are arbitrary: where
+    /// two principal moments are nearly equal, as those of a prism, one of both is the axis about which half
+    /// a turn changes least; where all three are, as those of a cube or a tetrahedron, axes are looked for
+    /// all around.
     fn distinct(
         principal: [Unit<Vector3<f64>>; 3],
         moments: &[f64; 3],
@@ -182,7 +188,8 @@ impl Symmetry {
         vec![least, Unit::new_normalize(third.cross(&least)), third]
     }
 
-    /// The axes about which a third of a turn, and a half, changes least: the groups of tetrahedron, cube and octahedron are made by those.
+    /// The axes about which a third of a turn, and a half, changes least: the groups of tetrahedron, cube and
+    /// octahedron are made by those.
     fn all_around(mean_square: &impl Fn(UnitQuaternion<f64>) -> f64) -> Vec<Unit<Vector3<f64>>> {
         // Evenly spread over half a sphere (Fibonacci's lattice).
         let golden = PI * (3.0 - 5.0_f64.sqrt());
@@ -249,13 +256,14 @@ impl Symmetry {
 
     /// The orientation nearest to `R_WA` in which the object looks as it does at `R_WB`.
     ///
-    /// What cannot be seen of an orientation drifts from image to image; whoever follows it must hold on to one of all that look
-    /// alike.
+    /// What cannot be seen of an orientation drifts from image to image; whoever follows it must hold on to
+    /// one of all that look alike.
     pub fn nearest_alike(&self, R_WA: &UnitQuaternion<f64>, R_WB: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
         UnitQuaternion::from_scaled_axis(self.turn_between(R_WA, R_WB)) * R_WA
     }
 
-    /// The turn in W, as a rotation vector, that takes the looks of an object at `R_WA` to those at `R_WB`, and is smallest.
+    /// The turn in W, as a rotation vector, that takes the looks of an object at `R_WA` to those at `R_WB`,
+    /// and is smallest.
     pub fn turn_between(&self, R_WA: &UnitQuaternion<f64>, R_WB: &UnitQuaternion<f64>) -> Vector3<f64> {
         match self {
             Self::Finite { group, .. } => {

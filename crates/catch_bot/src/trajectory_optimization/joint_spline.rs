@@ -1,16 +1,17 @@
 //! The motion of one joint as a cubic B-spline whose control points solve a quadratic program (paper, III-D).
 //!
-//! With the catch's time and the joint's position and velocity there given, nothing couples the joints any more: the
-//! paper's optimization falls apart into one small program per joint. In normalized time τ = t/T
+//! With the catch's time and the joint's position and velocity there given, nothing couples the joints any
+//! more: the paper's optimization falls apart into one small program per joint. In normalized time τ = t/T
 //!
 //! ```text
 //!     min   ∫ q″(τ)² dτ + λ ∫ (q(τ) − q₀)² dτ + μ · (q″ at the last knots)²
 //!     s.t.  q, q′, q″ at the start as they are; q and q′ at the end as chosen
 //!           q_min ≤ q ≤ q_max,   |q′| ≤ v_max·T,   |q″| ≤ a_max·T²,   |q‴| ≤ j_max·T³ where there is a limit
 //! ```
-//! Bounds are put on the control points of q, q′, q″ and q‴. The hull property makes them sufficient everywhere; for q″, which is
-//! piecewise linear, and q‴, which is piecewise constant, they are exact. The last term keeps the gripper's velocity steady before the catch: the paper's
-//! pre-grasp constraints, 30 ms before the grasp, in a form that cannot make the problem infeasible.
+//! Bounds are put on the control points of q, q′, q″ and q‴. The hull property makes them sufficient
+//! everywhere; for q″, which is piecewise linear, and q‴, which is piecewise constant, they are exact. The
+//! last term keeps the gripper's velocity steady before the catch: the paper's pre-grasp constraints, 30 ms
+//! before the grasp, in a form that cannot make the problem infeasible.
 
 mod bounded;
 mod ends;
@@ -135,7 +136,8 @@ impl JointSpline {
         spline
     }
 
-    /// Notes what the limits bound: the control points of the position and of its derivatives, those of the jerk last.
+    /// Notes what the limits bound: the control points of the position and of its derivatives, those of the
+    /// jerk last.
     fn bound(
         &mut self,
         position: &[Combination],
@@ -186,7 +188,8 @@ impl JointSpline {
             gradient[variable] = dot(&self.cost_rows[variable], &fixed) - comfortable * self.pulls[variable];
         }
         if let End::Extreme { sign, .. } = end {
-            // Of a clamped spline q′ = 3·(cₙ₋₁ − cₙ₋₂)/h: the higher the last free point, the lower the velocity.
+            // Of a clamped spline q′ = 3·(cₙ₋₁ − cₙ₋₂)/h: the higher the last free point, the lower the
+            // velocity.
             gradient[self.free() - 1] += sign * EXTREME;
         }
 
@@ -274,8 +277,8 @@ impl JointSpline {
     fn fixed_points(&self, start: &JointState, end: &End, duration_s: f64) -> [f64; MAX_POINTS] {
         let mut points = [0.0; MAX_POINTS];
         let knots = &self.knots;
-        // End derivatives of a clamped spline: q′ = 3·(c₁ − c₀)/h₁ and q″ = 2·(q′₁ − q′₀)/h₁ with q′₁ = 3·(c₂ − c₁)/h₂, where
-        // h₁ is the first span and h₂ the first two (Piegl & Tiller, eq. 3.7).
+        // End derivatives of a clamped spline: q′ = 3·(c₁ − c₀)/h₁ and q″ = 2·(q′₁ − q′₀)/h₁ with q′₁ = 3·(c₂
+        // − c₁)/h₂, where h₁ is the first span and h₂ the first two (Piegl & Tiller, eq. 3.7).
         let [h1, h2] = [knots[4], knots[5]];
         let (dq, ddq) = (start.dq * duration_s, start.ddq * duration_s * duration_s);
         points[0] = start.q;
@@ -296,7 +299,8 @@ impl JointSpline {
     }
 }
 
-/// Knots from 0 to 1 of a spline that begins and ends in its control points, over spans of these relative lengths.
+/// Knots from 0 to 1 of a spline that begins and ends in its control points, over spans of these relative
+/// lengths.
 fn clamped_knots(spans: &[f64]) -> Vec<f64> {
     let total: f64 = spans.iter().sum();
     let mut knots = vec![0.0; DEGREE + 1];
@@ -311,7 +315,8 @@ fn clamped_knots(spans: &[f64]) -> Vec<f64> {
     knots
 }
 
-/// Nodes and weights of Gauss–Legendre with four points, which integrates degree 7: exact for the square of a cubic.
+/// Nodes and weights of Gauss–Legendre with four points, which integrates degree 7: exact for the square of a
+/// cubic.
 const NODES: [(f64, f64); 4] = [
     (-0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
     (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
@@ -356,7 +361,8 @@ fn dot(combination: &Combination, points: &[f64; MAX_POINTS]) -> f64 {
     combination.iter().zip(points).map(|(a, b)| a * b).sum()
 }
 
-/// Control points of the derivative of a spline of degree `degree` over `knots`: cᵢ′ = d·(cᵢ₊₁ − cᵢ)/(tᵢ₊d₊₁ − tᵢ₊₁).
+/// Control points of the derivative of a spline of degree `degree` over `knots`: cᵢ′ = d·(cᵢ₊₁ − cᵢ)/(tᵢ₊d₊₁
+/// − tᵢ₊₁).
 fn differentiated(points: &[Combination], knots: &[f64], degree: usize) -> Vec<Combination> {
     points
         .windows(2)

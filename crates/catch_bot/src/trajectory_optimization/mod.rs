@@ -1,13 +1,15 @@
 //! Trajectory optimization (paper, III-D): how the arm gets to a catch.
 //!
-//! A [`CatchSearch`] answers two questions. [`CatchSearch::search`]: which catch time, grasp and redundancy can the arm reach?
-//! [`CatchSearch::retarget`]: the flight is known better now, how does the running motion change? A [`MotionPlanner`] generates
-//! the motions for both. Its steps are each in a module:
+//! A [`CatchSearch`] answers two questions. [`CatchSearch::search`]: which catch time, grasp and redundancy
+//! can the arm reach? [`CatchSearch::retarget`]: the flight is known better now, how does the running motion
+//! change? A [`MotionPlanner`] generates the motions for both. Its steps are each in a module:
 //!
 //! * [`reach_map`]: when the gripper can be where, before any inverse kinematics;
 //! * [`reachability`]: what each joint can reach in the time left, exactly;
-//! * [`terminal_velocity`]: the joint velocities at the catch, so that the gripper moves along with the object;
-//! * [`joint_spline`]: the motion, one small quadratic program per joint ([`quadratic_program`]), and the braking after it;
+//! * [`terminal_velocity`]: the joint velocities at the catch, so that the gripper moves along with the
+//!   object;
+//! * [`joint_spline`]: the motion, one small quadratic program per joint ([`quadratic_program`]), and the
+//!   braking after it;
 //! * [`motion`]: both put together and checked against torque limits and collision.
 
 pub mod failure_counter;
@@ -43,16 +45,19 @@ use reach_map::ReachMap;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Plans stay this far from the ends of the joints' ranges, in radians, so that an impact cannot push a joint out.
+    /// Plans stay this far from the ends of the joints' ranges, in radians, so that an impact cannot push a
+    /// joint out.
     #[serde(deserialize_with = "quantity::error_rad")]
     pub position_margin_rad: f64,
     /// Fraction of the velocity limits that plans may use.
     #[serde(deserialize_with = "quantity::limit_scaling")]
     pub velocity_scaling: f64,
-    /// Fraction of the velocity limits that a joint may have at the catch: the impact of a banana adds up to 5 %.
+    /// Fraction of the velocity limits that a joint may have at the catch: the impact of a banana adds up to
+    /// 5 %.
     #[serde(deserialize_with = "quantity::limit_scaling")]
     pub terminal_velocity_scaling: f64,
-    /// What the object weighs in kg, if that is known: by how much its impact makes the joints faster is kept free for it.
+    /// What the object weighs in kg, if that is known: by how much its impact makes the joints faster is kept
+    /// free for it.
     #[serde(deserialize_with = "quantity::thrown_mass_kg")]
     pub object_mass_kg: Option<f64>,
     /// Fraction of the torque limits that a plan may use.
@@ -64,9 +69,9 @@ pub struct Config {
     /// The work of all search passes at one image, in units of 1 to 2 µs.
     #[serde(deserialize_with = "quantity::work")]
     pub max_work: usize,
-    /// Fractions of its reachability interval that each joint may use where the arm cannot make a correction as a whole: what a joint at
-    /// the end of its interval cannot do, the others do. Also where the approach is not free with the whole correction.
-    /// None by default: where corrections are late and large it pays.
+    /// Fractions of its reachability interval that each joint may use where the arm cannot make a correction
+    /// as a whole: what a joint at the end of its interval cannot do, the others do. Also where the approach
+    /// is not free with the whole correction. None by default: where corrections are late and large it pays.
     #[serde(deserialize_with = "quantity::fraction")]
     pub reach_fractions: Vec<f64>,
     /// Weights of the choice among reachable catches.
@@ -91,9 +96,11 @@ impl Default for Config {
 
 /// Highest fraction of the object's velocity at which the gripper moves along (paper, III-D: 30 %).
 pub const MAX_SPEED_FRACTION: f64 = 0.3;
-/// Weight of keeping close to the comfortable pose, λ in [`joint_spline`]; the paper minimizes this distance alone.
+/// Weight of keeping close to the comfortable pose, λ in [`joint_spline`]; the paper minimizes this distance
+/// alone.
 const COMFORT_WEIGHT: f64 = 0.02;
-/// Weight of a steady velocity just before the catch, μ in [`joint_spline`], for the paper's pre-grasp constraints.
+/// Weight of a steady velocity just before the catch, μ in [`joint_spline`], for the paper's pre-grasp
+/// constraints.
 const STEADY_END_WEIGHT: f64 = 0.002;
 /// Distance between the catch times that are tried, in seconds, if nobody asks for another.
 const TIME_STEP_S: f64 = 0.02;
@@ -127,8 +134,8 @@ pub struct CatchPlan {
     pub weights: terminal_velocity::Weights,
     /// What the choice among catches weighed; less is better.
     pub cost: f64,
-    /// What of it tells how well the object will be held, the heuristics and how fast it passes the fingers, as the flight is
-    /// known now.
+    /// What of it tells how well the object will be held, the heuristics and how fast it passes the fingers,
+    /// as the flight is known now.
     pub holding_cost: f64,
     /// The motion: to the catch and on to rest.
     pub trajectory: BSpline,
@@ -200,7 +207,8 @@ pub struct CatchSplines {
 }
 
 impl CatchSplines {
-    /// With spans of these relative lengths; `start_acceleration` tells whether the acceleration at the start is given.
+    /// With spans of these relative lengths; `start_acceleration` tells whether the acceleration at the start
+    /// is given.
     pub fn new(spans: &[f64], start_acceleration: bool) -> Self {
         let ends = |end| Ends { start_acceleration, end };
         Self {
@@ -213,7 +221,8 @@ impl CatchSplines {
 impl MotionPlanner {
     /// Prepares what does not depend on any catch.
     pub fn new(robot: Robot, gripper: Gripper, config: Config) -> Self {
-        // Short first spans take up the acceleration at a replan, short last ones steady the velocity before the catch.
+        // Short first spans take up the acceleration at a replan, short last ones steady the velocity before
+        // the catch.
         let catch_splines = CatchSplines::new(&[0.35, 0.65, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], true);
         let at_rest = Ends { start_acceleration: true, end: EndKind::Rest };
         let brake_spline = JointSpline::new(&[0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], at_rest, 0.0, 0.0);
@@ -291,8 +300,9 @@ pub struct CatchSearch {
 }
 
 impl CatchSearch {
-    /// Over the motions that can be generated. With a map of what the arm can reach when from its ready pose, hopeless times and
-    /// grasps cost next to nothing; arms of [some kinds](ReachMap::serves) need it to be quick.
+    /// Over the motions that can be generated. With a map of what the arm can reach when from its ready pose,
+    /// hopeless times and grasps cost next to nothing; arms of [some kinds](ReachMap::serves) need it to be
+    /// quick.
     pub fn new(motion: MotionPlanner, reach_map: Option<Arc<ReachMap>>) -> Self {
         Self { motion, reach_map, time_step_s: TIME_STEP_S }
     }
@@ -303,7 +313,8 @@ impl CatchSearch {
         Self { time_step_s, ..self }
     }
 
-    /// When an arm that is about to move departs from the ready pose of the map, `None` if it is elsewhere already.
+    /// When an arm that is about to move departs from the ready pose of the map, `None` if it is elsewhere
+    /// already.
     pub fn departure_s(&self, start: &Start) -> Option<f64> {
         self.reach_map.as_ref().filter(|map| map.departs_at(start)).map(|_| start.time_s)
     }

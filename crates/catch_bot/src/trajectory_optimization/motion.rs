@@ -15,17 +15,18 @@ pub const ROUNDING: f64 = 1e-7;
 /// The same for positions, in radians.
 const HULL_ROUNDING: f64 = 1e-9;
 
-/// Fraction of the velocity limits that a replan uses where that is enough, so that the next one keeps some room; the paper's method uses
-/// no more from rest.
+/// Fraction of the velocity limits that a replan uses where that is enough, so that the next one keeps some
+/// room; the paper's method uses no more from rest.
 const REPLAN_VELOCITY_SCALING: f64 = 0.95;
 /// The same for the acceleration limits.
 const REPLAN_ACCELERATION_SCALING: f64 = 0.9;
-/// Braking after the catch uses this fraction of the acceleration limits when its duration is chosen; the spline needs room to ramp.
+/// Braking after the catch uses this fraction of the acceleration limits when its duration is chosen; the
+/// spline needs room to ramp.
 pub(super) const BRAKING_ACCELERATION_FRACTION: f64 = 0.5;
 /// Shortest braking in seconds.
 const MIN_BRAKING_S: f64 = 0.2;
-/// Longest braking in seconds: no joint is faster at the catch than this allows. What is caught must be at rest 0.5 s after the first contact,
-/// which may be a little before the catch.
+/// Longest braking in seconds: no joint is faster at the catch than this allows. What is caught must be at
+/// rest 0.5 s after the first contact, which may be a little before the catch.
 const MAX_BRAKING_S: f64 = 0.45;
 /// Fraction of the hand's speed limit that a motion uses where it is looked at.
 const HAND_SPEED_FRACTION: f64 = 0.98;
@@ -63,8 +64,8 @@ impl MotionPlanner {
         LimitScaling { velocity: self.config.velocity_scaling, acceleration: 1.0 - ROUNDING }
     }
 
-    /// The motion to the catch over these control points, and braking after it, which still have to be [safe](Self::is_safe); `None` if it
-    /// cannot brake.
+    /// The motion to the catch over these control points, and braking after it, which still have to be
+    /// [safe](Self::is_safe); `None` if it cannot brake.
     pub(super) fn through(
         &self,
         start_s: f64,
@@ -78,8 +79,8 @@ impl MotionPlanner {
         Some(to_catch.followed_by(&braking))
     }
 
-    /// A motion that ends at a catch, and braking after it; `None` if both do not keep the torque limits and the clearances.
-    /// Where braking cannot take over the acceleration at the catch it starts without any.
+    /// A motion that ends at a catch, and braking after it; `None` if both do not keep the torque limits and
+    /// the clearances. Where braking cannot take over the acceleration at the catch it starts without any.
     pub fn completed(&self, to_catch: BSpline, grasp: &Grasp, failures: &FailureCounter) -> Option<BSpline> {
         let (catch_s, end) = (to_catch.end_s(), end_of(&to_catch));
         let anew = Setpoint { q: end.q, dq: end.dq, ddq: JointVector::zeros() };
@@ -90,8 +91,9 @@ impl MotionPlanner {
         self.is_safe(&trajectory, catch_s, grasp).then_some(trajectory)
     }
 
-    /// How long the first control point of braking from `dq` reaches ahead: the braking spline's first span takes up the
-    /// acceleration at the catch, and its first velocity control point, q̇ + q̈·h/2, must keep the velocity limit too.
+    /// How long the first control point of braking from `dq` reaches ahead: the braking spline's first span
+    /// takes up the acceleration at the catch, and its first velocity control point, q̇ + q̈·h/2, must keep
+    /// the velocity limit too.
     pub(super) fn braking_onset_s(&self, dq: &JointVector) -> f64 {
         self.brake_spline.knots[DEGREE + 1] * self.braking_s(dq) / 2.0
     }
@@ -119,7 +121,8 @@ impl MotionPlanner {
             .fold(MIN_BRAKING_S, f64::max)
     }
 
-    /// The acceleration by which a joint brakes when the duration is chosen, and the time that it takes to build up and to vanish.
+    /// The acceleration by which a joint brakes when the duration is chosen, and the time that it takes to
+    /// build up and to vanish.
     fn braking_by(&self, limits: &JointLimits) -> (f64, f64) {
         let acceleration = BRAKING_ACCELERATION_FRACTION * limits.acceleration;
         (acceleration, limits.jerk.map_or(0.0, |jerk| limits.acceleration / jerk))
@@ -153,7 +156,8 @@ impl MotionPlanner {
         Some(BSpline { knots_s, control_points })
     }
 
-    /// What a motion of joint `i` may use. A joint that starts closer to the end of its range than the margin may stay there.
+    /// What a motion of joint `i` may use. A joint that starts closer to the end of its range than the margin
+    /// may stay there.
     pub fn limits(&self, i: usize, state: &Setpoint, scaling: LimitScaling) -> JointLimits {
         let limits = &self.robot.joints[i].limits;
         JointLimits {
@@ -166,8 +170,8 @@ impl MotionPlanner {
         }
     }
 
-    /// Whether position, velocity, acceleration and jerk stay within the arm's own limits, by the hulls of their control points, of
-    /// which those of acceleration and jerk are exact.
+    /// Whether position, velocity, acceleration and jerk stay within the arm's own limits, by the hulls of
+    /// their control points, of which those of acceleration and jerk are exact.
     pub fn keeps_limits(&self, trajectory: &BSpline) -> bool {
         let BSpline { knots_s: t, control_points } = trajectory;
         let positions = control_points.iter().all(|point| {
@@ -195,7 +199,8 @@ impl MotionPlanner {
             && self.keeps_sampled_speeds(trajectory)
     }
 
-    /// Whether the jerk stays within its limit where there is one; a jump of the acceleration at a repeated knot does not.
+    /// Whether the jerk stays within its limit where there is one; a jump of the acceleration at a repeated
+    /// knot does not.
     fn keeps_jerk(&self, spline: &BSpline) -> bool {
         let mut before = None;
         spline.spans().all(|[start_s, end_s]| {
@@ -217,8 +222,8 @@ impl MotionPlanner {
         (0..self.robot.dof()).map(|i| self.limits(i, &start.state, scaling)).collect()
     }
 
-    /// Whether torque limits hold along a motion: at its knots, in the middle between them and at its end. Between knots accelerations
-    /// are linear, so that torques peak at knots but for what velocities add.
+    /// Whether torque limits hold along a motion: at its knots, in the middle between them and at its end.
+    /// Between knots accelerations are linear, so that torques peak at knots but for what velocities add.
     pub fn keeps_torque(&self, spline: &BSpline) -> bool {
         self.keeps_torque_until(spline, spline.end_s())
     }
@@ -236,7 +241,8 @@ impl MotionPlanner {
             .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_scaling)
     }
 
-    /// Whether the hand's speed, and velocities whose limits depend on the position, keep their limits: at knots and thrice between them.
+    /// Whether the hand's speed, and velocities whose limits depend on the position, keep their limits: at
+    /// knots and thrice between them.
     fn keeps_sampled_speeds(&self, spline: &BSpline) -> bool {
         let tables = || self.robot.joints.iter().enumerate().filter(|(_, joint)| joint.velocity_table.is_some());
         (tables().next().is_none() && self.robot.max_hand_speed_mps.is_none())
@@ -256,8 +262,8 @@ impl MotionPlanner {
         most_mps.is_none_or(|most_mps| self.robot.hand_speed_mps(q, dq) <= most_mps)
     }
 
-    /// Whether speeds, torque limits and clearances hold along a trajectory, the hand holding the object from the catch on.
-    /// [Braking](Self::braking) keeps the torque limits anyway.
+    /// Whether speeds, torque limits and clearances hold along a trajectory, the hand holding the object from
+    /// the catch on. [Braking](Self::braking) keeps the torque limits anyway.
     pub(super) fn is_safe(&self, trajectory: &BSpline, catch_s: f64, grasp: &Grasp) -> bool {
         let (start_s, end_s) = (trajectory.start_s(), trajectory.end_s());
         // How wide the gripper opens is chosen later.

@@ -1,9 +1,9 @@
 //! From a start to given joint positions at a given time: the end velocities and the splines, found together.
 //!
-//! The velocities at the catch are chosen within what each joint can have on arrival, first by the exact bounds of
-//! [`super::reachability`], which are optimistic for a spline. A joint whose spline program is infeasible there gets the
-//! spline's own extreme as its bound on that side, and the velocities are chosen anew. What is left feasible shrinks to
-//! exactly what splines can do, and usually no cut or one is enough.
+//! The velocities at the catch are chosen within what each joint can have on arrival, first by the exact
+//! bounds of [`super::reachability`], which are optimistic for a spline. A joint whose spline program is
+//! infeasible there gets the spline's own extreme as its bound on that side, and the velocities are chosen
+//! anew. What is left feasible shrinks to exactly what splines can do, and usually no cut or one is enough.
 
 use catch_body::{JointVector, MAX_JOINTS, Pose, robot::Jacobian};
 use nalgebra::{Rotation3, Vector3};
@@ -48,7 +48,8 @@ pub struct PointToPoint<'a> {
     pub scaling: LimitScaling,
     /// What counts in the choice of the end velocities.
     pub weights: Weights,
-    /// How the hand follows the object, and the gripper's orientation in W then; `None` if it keeps to the object's direction.
+    /// How the hand follows the object, and the gripper's orientation in W then; `None` if it keeps to the
+    /// object's direction.
     pub following: Option<(Rotation3<f64>, Following)>,
     /// Whether a braking spline is to follow.
     pub brakes: bool,
@@ -66,8 +67,8 @@ impl PointToPoint<'_> {
         self.failures.solution(found).filter(|it| self.planner.keeps_hand_speed(&self.q, &it.dq))
     }
 
-    /// The best velocities within `bounds` that splines can have, `None` if there are none or their speed fraction is not
-    /// above `least`.
+    /// The best velocities within `bounds` that splines can have, `None` if there are none or their speed
+    /// fraction is not above `least`.
     pub fn best(&self, mut bounds: [Interval; MAX_JOINTS], least: f64) -> Option<Reached> {
         let dof = self.planner.robot.dof();
         let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
@@ -95,9 +96,10 @@ impl PointToPoint<'_> {
         None
     }
 
-    /// The velocity limits less what the object's impact may add on either side: a smooth object that bounces off a finger pushes it along the
-    /// normal n of the contact, by (1 + e)·v·n/(1/m + n·J·M⁻¹·Jᵀ·n), whichever direction that is; motors are too slow to answer. Joints keep to
-    /// them shortly before the catch, too: what hits the gripper mostly does so early.
+    /// The velocity limits less what the object's impact may add on either side: a smooth object that bounces
+    /// off a finger pushes it along the normal n of the contact, by (1 + e)·v·n/(1/m + n·J·M⁻¹·Jᵀ·n),
+    /// whichever direction that is; motors are too slow to answer. Joints keep to them shortly before the
+    /// catch, too: what hits the gripper mostly does so early.
     fn speeds_that_withstand_impact(&self) -> [Interval; MAX_JOINTS] {
         let robot = &self.planner.robot;
         let mut added = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
@@ -139,7 +141,8 @@ impl PointToPoint<'_> {
         Some(points)
     }
 
-    /// The bounds of joint `i` cut to what a spline can do, on the side on which it cannot have the end velocity `dq`.
+    /// The bounds of joint `i` cut to what a spline can do, on the side on which it cannot have the end
+    /// velocity `dq`.
     fn cut(&self, i: usize, dq: f64, bound: &Interval, last: &Interval, onset_s: Option<f64>) -> Option<Interval> {
         let (start, limits) = (self.state(i), self.limits(i));
         let extreme = |sign: f64| {
@@ -182,7 +185,8 @@ impl PointToPoint<'_> {
         let mut limits = self.planner.limits(i, &self.start.state, self.scaling);
         let (joint, state) = (&self.planner.robot.joints[i], &self.start.state);
         if joint.velocity_table.is_some() {
-            // The limit falls towards the end of the range: what holds where a joint arrives holds on the way.
+            // The limit falls towards the end of the range: what holds where a joint arrives holds on the
+            // way.
             let at_catch = joint.max_speed(self.q[i], self.q[i] - state.q[i]) * self.scaling.velocity;
             limits.velocity = limits.velocity.min(at_catch.max(state.dq[i].abs()));
         }
@@ -206,7 +210,8 @@ fn speed_toward(velocities: &Interval, dq: f64) -> f64 {
     if dq < 0.0 { -velocities.low } else { velocities.high }
 }
 
-/// Normals of contacts that are looked at: to the faces, edges and corners of a cube, one of each two opposite ones, which have the same impulse.
+/// Normals of contacts that are looked at: to the faces, edges and corners of a cube, one of each two
+/// opposite ones, which have the same impulse.
 fn normals() -> impl Iterator<Item = Vector3<f64>> {
     (14..27).map(|i| Vector3::new(i % 3, i / 3 % 3, i / 9).map(|part| f64::from(part - 1)).normalize())
 }
@@ -269,8 +274,8 @@ impl MotionPlanner {
         }
     }
 
-    /// The velocities that joints can have at `q`, within what they can reach and what leaves them room to brake; `None` if they
-    /// cannot be there.
+    /// The velocities that joints can have at `q`, within what they can reach and what leaves them room to
+    /// brake; `None` if they cannot be there.
     pub(super) fn terminal_velocity_bounds(
         &self,
         joints: &[ReachableSet; MAX_JOINTS],

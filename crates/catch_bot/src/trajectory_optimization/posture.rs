@@ -1,9 +1,10 @@
 //! Postures: the joint positions in which the gripper is at a given pose, over the arm's whole redundancy.
 //!
-//! S-R-S arms have them in closed form, as arcs of swivel angles on which every joint is within its range; nothing is lost
-//! between samples. Arms of six joints with three parallel axes have at most eight, in closed form too, and other arms of seven with a
-//! spherical shoulder at most eight for each angle of the last joint, which is sampled. Other arms have them by iteration: from where
-//! the arm is and from the middle of what it can reach, or, where that did not do, from more starts and along the null space.
+//! S-R-S arms have them in closed form, as arcs of swivel angles on which every joint is within its range;
+//! nothing is lost between samples. Arms of six joints with three parallel axes have at most eight, in closed
+//! form too, and other arms of seven with a spherical shoulder at most eight for each angle of the last
+//! joint, which is sampled. Other arms have them by iteration: from where the arm is and from the middle of
+//! what it can reach, or, where that did not do, from more starts and along the null space.
 
 use catch_body::{
     JointVector, Pose, Robot,
@@ -66,7 +67,8 @@ impl PostureFinder {
         }
     }
 
-    /// Whether the gripper may hold an object at `X_WO` by a grasp at `X_OG` at all, as far as that is quick to tell.
+    /// Whether the gripper may hold an object at `X_WO` by a grasp at `X_OG` at all, as far as that is quick
+    /// to tell.
     pub fn may_reach(&self, X_WO: &Pose, ranges: &Ranges) -> impl Fn(&Pose) -> bool + use<> {
         let near = match self {
             Self::Srs(srs) => {
@@ -82,8 +84,8 @@ impl PostureFinder {
         }
     }
 
-    /// Postures within `ranges`, from all over the redundancy; where they take iterations only if the search is `thorough`, else the
-    /// ones that few starts find.
+    /// Postures within `ranges`, from all over the redundancy; where they take iterations only if the search
+    /// is `thorough`, else the ones that few starts find.
     pub fn postures(
         &self,
         robot: &Robot,
@@ -115,8 +117,8 @@ impl PostureFinder {
         found
     }
 
-    /// `known` for a pose that has changed a little: the elbow, or what the null space moves, moved by `by` radians; `None` where
-    /// nothing is free to move.
+    /// `known` for a pose that has changed a little: the elbow, or what the null space moves, moved by `by`
+    /// radians; `None` where nothing is free to move.
     pub fn adjusted(&self, robot: &Robot, X_WG: &Pose, known: &Posture, by: f64) -> Option<Posture> {
         match (self, known.elbow) {
             (Self::Srs(srs), Some(elbow)) => {

@@ -4,10 +4,11 @@
 //!     min  ½ xᵀH x + gᵀx      subject to   lᵢ ≤ aᵢᵀx ≤ uᵢ
 //!      x
 //! ```
-//! Goldfarb & Idnani, A numerically stable dual method for solving strictly convex quadratic programs, Mathematical
-//! Programming 27 (1983). It starts at the unconstrained minimum and adds violated constraints one by one, so that it is
-//! quickest where few constraints bind, and it proves infeasibility. No allocation: at most [`MAX_VARIABLES`] variables.
-//! Rows whose entries beyond a short range vanish, as those of splines do, cost only that range.
+//! Goldfarb & Idnani, A numerically stable dual method for solving strictly convex quadratic programs,
+//! Mathematical Programming 27 (1983). It starts at the unconstrained minimum and adds violated constraints
+//! one by one, so that it is quickest where few constraints bind, and it proves infeasibility. No allocation:
+//! at most [`MAX_VARIABLES`] variables. Rows whose entries beyond a short range vanish, as those of splines
+//! do, cost only that range.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -22,7 +23,8 @@ pub enum ProgramFailure {
     Numerical,
 }
 
-/// The most variables a program may have. Unused ones must have a unit diagonal in H and appear in no constraint.
+/// The most variables a program may have. Unused ones must have a unit diagonal in H and appear in no
+/// constraint.
 pub const MAX_VARIABLES: usize = 10;
 
 /// One number per variable.
@@ -125,8 +127,8 @@ fn keeps(x: &Variables, rows: &[Row], bounds: &[Bounds]) -> bool {
 /// Normals whose rest beside the active ones is less than this fraction of them depend on these.
 const DEPENDENT: f64 = 1e-7;
 
-/// The next constraint to enter: equalities first, then the most violated by distance; with the sign that makes it a lower
-/// bound.
+/// The next constraint to enter: equalities first, then the most violated by distance; with the sign that
+/// makes it a lower bound.
 fn most_violated(
     x: &Variables,
     rows: &[Row],

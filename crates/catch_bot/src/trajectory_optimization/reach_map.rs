@@ -1,10 +1,11 @@
 //! When the gripper of an arm that departs from its ready pose can be where, at the earliest.
 //!
-//! A table over positions (10 cm) and orientations (54 directions of approach, 6 rolls about each) of the gripper, worked out by
-//! sampling before anything flies. A search asks it before any inverse kinematics. Times count from the departure at
-//! rest: what is within reach of a moving arm is within reach of one that had as long from the departure on, as motions can be
-//! joined. The table is no lower bound: samples are finite, so a pose may be reached up to [`SLACK_S`] sooner, and in fewer than two
-//! of a thousand cases by more.
+//! A table over positions (10 cm) and orientations (54 directions of approach, 6 rolls about each) of the
+//! gripper, worked out by sampling before anything flies. A search asks it before any inverse kinematics.
+//! Times count from the departure at rest: what is within reach of a moving arm is within reach of one that
+//! had as long from the departure on, as motions can be joined. The table is no lower bound: samples are
+//! finite, so a pose may be reached up to [`SLACK_S`] sooner, and in fewer than two of a thousand cases by
+//! more.
 
 mod sampling;
 
@@ -89,7 +90,8 @@ fn index(at: Vector3<f64>, counts: [usize; 3]) -> Option<usize> {
     inside.then(|| (at.z as usize * counts[1] + at.y as usize) * counts[0] + at.x as usize)
 }
 
-/// The number of a gripper's orientation: where on a cube the direction of approach y_G points, and how x_G is rolled about it.
+/// The number of a gripper's orientation: where on a cube the direction of approach y_G points, and how x_G
+/// is rolled about it.
 fn orientation(X_WG: &Pose) -> usize {
     let (x, y) = (X_WG.rotation * Vector3::x(), X_WG.rotation * Vector3::y());
     let axis = y.iamax();
@@ -112,8 +114,8 @@ fn sextant(x: f64, y: f64) -> usize {
 }
 
 impl ReachMap {
-    /// Whether a search for `robot` is served by a map: where inverse kinematics does not tell at once of a pose, over all
-    /// redundancy, whether it can be reached.
+    /// Whether a search for `robot` is served by a map: where inverse kinematics does not tell at once of a
+    /// pose, over all redundancy, whether it can be reached.
     pub fn serves(robot: &Robot) -> bool {
         !matches!(PostureFinder::new(robot), PostureFinder::Srs(_))
     }
@@ -125,8 +127,8 @@ impl ReachMap {
         samples.map()
     }
 
-    /// The least time from the departure until the gripper is at `X_WG`, in seconds; infinite if no sample came there within
-    /// 1.3 s.
+    /// The least time from the departure until the gripper is at `X_WG`, in seconds; infinite if no sample
+    /// came there within 1.3 s.
     pub fn least_time_s(&self, X_WG: &Pose) -> f64 {
         let corner = self.grid.corner(&X_WG.translation.vector);
         let time = corner.map_or(NEVER, |corner| self.times[corner * ORIENTATIONS + orientation(X_WG)]);

@@ -1,8 +1,9 @@
-//! What one joint can reach in a given time under its velocity and acceleration limits: exact and in closed form.
+//! What one joint can reach in a given time under its velocity and acceleration limits: exact and in closed
+//! form.
 //!
-//! With |q̇| ≤ V and |q̈| ≤ A, the positions that can be reached in time T form an interval, and for each of them so do the
-//! velocities on arrival. The extremes are bang-bang: brake (or back up) as late as possible, then accelerate without pause.
-//! Position limits on the way are left to the spline that follows.
+//! With |q̇| ≤ V and |q̈| ≤ A, the positions that can be reached in time T form an interval, and for each of
+//! them so do the velocities on arrival. The extremes are bang-bang: brake (or back up) as late as possible,
+//! then accelerate without pause. Position limits on the way are left to the spline that follows.
 
 use catch_body::{JointVector, MAX_JOINTS};
 
@@ -68,7 +69,8 @@ impl ReachableSet {
         Interval { low: -self.mirrored().highest_velocity(-displacement), high: self.highest_velocity(displacement) }
     }
 
-    /// The least time in which a joint at rest gets so far, whatever its velocity then: s = A·T²/2, or V·T − V²/2A.
+    /// The least time in which a joint at rest gets so far, whatever its velocity then: s = A·T²/2, or V·T −
+    /// V²/2A.
     pub fn least_time_s(&self, displacement: f64) -> f64 {
         let Self { velocity: V, acceleration: A, .. } = *self;
         let distance = displacement.abs();
@@ -101,8 +103,8 @@ impl ReachableSet {
     }
 }
 
-/// The largest fraction of its reachability interval that a joint must use to get from `start` to `q`, from its middle on;
-/// `None` if one cannot get there.
+/// The largest fraction of its reachability interval that a joint must use to get from `start` to `q`, from
+/// its middle on; `None` if one cannot get there.
 pub fn fraction_used(
     joints: &[ReachableSet; MAX_JOINTS],
     start: &JointVector,

@@ -18,8 +18,9 @@ const TRIES: usize = 5;
 const POINTS: usize = 13;
 
 impl MotionPlanner {
-    /// A motion that starts at rest in `from` at `start_s` and ends at rest in `to`, through `via` at rest if that is given; `grasp`
-    /// tells what the hand holds on the way, if anything. `None` if it does not keep the limits and the clearances, however slow.
+    /// A motion that starts at rest in `from` at `start_s` and ends at rest in `to`, through `via` at rest if
+    /// that is given; `grasp` tells what the hand holds on the way, if anything. `None` if it does not keep
+    /// the limits and the clearances, however slow.
     pub fn rest_to_rest(
         &self,
         start_s: f64,
@@ -46,8 +47,9 @@ impl MotionPlanner {
         None
     }
 
-    /// Straight in joint space, close to the quintic polynomial u³·(10 − 15·u + 6·u²) of the relative time u. That is at most
-    /// 1.875 and 5.78 times as fast as evenly, in velocity and acceleration, and 60 times in jerk.
+    /// Straight in joint space, close to the quintic polynomial u³·(10 − 15·u + 6·u²) of the relative time u.
+    /// That is at most 1.875 and 5.78 times as fast as evenly, in velocity and acceleration, and 60 times in
+    /// jerk.
     fn straight(&self, start_s: f64, from: &JointVector, to: &JointVector, stretched: f64) -> BSpline {
         let needed_s = |i: usize| {
             let (limits, way) = (&self.robot().joints[i].limits, (to[i] - from[i]).abs());
@@ -57,7 +59,8 @@ impl MotionPlanner {
             by_velocity.max(by_acceleration).max(by_jerk)
         };
         let duration_s = stretched * (0..self.robot().dof()).map(needed_s).fold(SHORTEST_S, f64::max);
-        // The first and the last three control points are the ends: position, velocity and acceleration stand still there.
+        // The first and the last three control points are the ends: position, velocity and acceleration stand
+        // still there.
         let control_points: Vec<JointVector> = (0..POINTS + 4)
             .map(|i| {
                 let u = ((i as f64 - 2.0) / (POINTS - 1) as f64).clamp(0.0, 1.0);

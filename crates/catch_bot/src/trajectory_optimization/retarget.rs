@@ -21,17 +21,20 @@ use crate::{
 const ARM_ANGLES_RAD: [f64; 5] = [0.0, 0.2, -0.2, 0.4, -0.4];
 /// The same where the catch is shifted in time.
 const SHIFTED_ARM_ANGLES_RAD: [f64; 3] = [0.0, 0.2, -0.2];
-/// How much later a catch may be made where it cannot be made when it was meant to be, in seconds; negative for sooner. The object moves by
-/// some 50 mm in 10 ms.
+/// How much later a catch may be made where it cannot be made when it was meant to be, in seconds; negative
+/// for sooner. The object moves by some 50 mm in 10 ms.
 const SHIFTS_S: [f64; 6] = [0.01, -0.01, 0.02, -0.02, 0.04, 0.06];
 /// Fractions of a correction that are tried where the whole is too much.
 const CORRECTION_FRACTIONS: [f64; 3] = [0.75, 0.5, 0.25];
-/// Time for the gripper to obey, in seconds: an opening that it could not have reached by then is not asked for any more.
+/// Time for the gripper to obey, in seconds: an opening that it could not have reached by then is not asked
+/// for any more.
 const SETTLING_S: f64 = 0.05;
-/// What the hand is off by where not all of it can be corrected counts by axis of G: closing, approach and gap. What comes beside the
-/// grasp centre meets a finger. What the hand is off by along its approach makes the fingers close sooner or later.
+/// What the hand is off by where not all of it can be corrected counts by axis of G: closing, approach and
+/// gap. What comes beside the grasp centre meets a finger. What the hand is off by along its approach makes
+/// the fingers close sooner or later.
 const SHIFTS: Vector3<f64> = Vector3::new(1.0, 0.1, 0.4);
-/// A turn about each of these counts as much as a shift along the closing direction by so many metres per radian.
+/// A turn about each of these counts as much as a shift along the closing direction by so many metres per
+/// radian.
 const LEVERS_M: Vector3<f64> = Vector3::new(0.015, 0.025, 0.025);
 /// Keeps the joints near the plan where the correction leaves them free, in m².
 const DAMPING: f64 = 1e-5;
@@ -46,7 +49,8 @@ pub struct Correction<'a> {
     incoming: &'a Incoming<'a>,
     plan: &'a CatchPlan,
     local_flight: LocalFlight,
-    /// The plan's: of all that hold the object alike the one that turns the gripper least. What cannot be seen of an orientation is not followed.
+    /// The plan's: of all that hold the object alike the one that turns the gripper least. What cannot be
+    /// seen of an orientation is not followed.
     pub grasp: Grasp,
 }
 
@@ -70,14 +74,17 @@ impl<'a> Correction<'a> {
 }
 
 impl CatchSearch {
-    /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close by.
+    /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close
+    /// by.
     pub fn retarget(&self, to: &Correction) -> Option<CatchPlan> {
-        // What a motion leaves of the limits, the next replan can use: more is taken only where less does not do.
+        // What a motion leaves of the limits, the next replan can use: more is taken only where less does not
+        // do.
         let scaling =
             [0.0, 0.5, 1.0].map(|more| self.motion.replan_scaling().toward(self.motion.moving_scaling(), more));
         let found = scaling.iter().find_map(|scaling| self.adjusted(to, &to.X_WG(), *scaling, &ARM_ANGLES_RAD))?;
         let found = self.opened(found, to);
-        // A joint at the end of its reach has but one velocity there, so that the hand cannot follow the object as it should.
+        // A joint at the end of its reach has but one velocity there, so that the hand cannot follow the
+        // object as it should.
         let mut near = self.within_reach(to, |[_, left_m]| left_m < NEAR_ENOUGH_M);
         let free = if found.approach_is_free { None } else { near.find(|it| it.approach_is_free) };
         Some(free.unwrap_or(found))
@@ -108,8 +115,8 @@ impl CatchSearch {
         self.within_reach(to, much_nearer).next().or_else(in_part)
     }
 
-    /// The same catch in the nearest posture by each fraction of the joints' reach. Whether one is near enough is asked with what the hand is off by in
-    /// the plan's posture and in that one.
+    /// The same catch in the nearest posture by each fraction of the joints' reach. Whether one is near
+    /// enough is asked with what the hand is off by in the plan's posture and in that one.
     fn within_reach(&self, to: &Correction, is_near: fn([f64; 2]) -> bool) -> impl Iterator<Item = CatchPlan> {
         let (wanted, motion) = (to.X_WG(), &self.motion);
         motion.config.reach_fractions.iter().filter_map(move |fraction| {
@@ -119,7 +126,8 @@ impl CatchSearch {
         })
     }
 
-    /// The posture near the plan's whose gripper is nearest to `X_WG`, every joint within this fraction of its reachability interval:
+    /// The posture near the plan's whose gripper is nearest to `X_WG`, every joint within this fraction of
+    /// its reachability interval:
     ///
     /// min |W·(J·Δq − (Δθ, Δp))|² + ε·|Δq|², low ≤ Δq ≤ high
     ///
@@ -161,7 +169,8 @@ impl CatchSearch {
         Some((posture, [error.norm(), left_m]))
     }
 
-    /// The plan's grasp where the object passes, with the gripper at `X_WG`, the elbow moved by the first of these angles that will do.
+    /// The plan's grasp where the object passes, with the gripper at `X_WG`, the elbow moved by the first of
+    /// these angles that will do.
     fn adjusted(&self, to: &Correction, X_WG: &Pose, scaling: LimitScaling, elbows_rad: &[f64]) -> Option<CatchPlan> {
         let known = Posture { q: to.plan.q, elbow: to.plan.elbow };
         elbows_rad.iter().find_map(|offset| {
@@ -189,8 +198,9 @@ impl CatchSearch {
         self.motion.is_safe(&found.trajectory, catch_s, grasp).then_some(found)
     }
 
-    /// The same plan with the opening that it had, or a narrower one for slow fingers, if that lets the object in; else with the narrowest that does, or, where none
-    /// does any more, the widest: it hits least. Where it is too late to change the opening, it stays.
+    /// The same plan with the opening that it had, or a narrower one for slow fingers, if that lets the
+    /// object in; else with the narrowest that does, or, where none does any more, the widest: it hits least.
+    /// Where it is too late to change the opening, it stays.
     pub fn opened(&self, plan: CatchPlan, to: &Correction) -> CatchPlan {
         let (incoming, local_flight, had_m) = (to.incoming, &to.local_flight, to.plan.aperture_m);
         // Slow fingers come nearer as the flight is known better.

@@ -1,18 +1,21 @@
 //! The choice of catch time, grasp and redundancy.
 //!
-//! Best first: every pair of catch time and grasp that the elbow could reach enters a heap with the least that it can cost. What
-//! is on top is looked at more closely: a pair becomes postures ([`SrsArm::swivels`](catch_body::inverse_kinematics::SrsArm::swivels)
-//! cut to what each joint can reach), a posture gets its arrival velocities, an arrival its motion, and each step adds what it
-//! costs. The first motion that keeps all limits and clearances ends a pass, and most of the rest is never looked at.
+//! Best first: every pair of catch time and grasp that the elbow could reach enters a heap with the least
+//! that it can cost. What is on top is looked at more closely: a pair becomes postures
+//! ([`SrsArm::swivels`](catch_body::inverse_kinematics::SrsArm::swivels) cut to what each joint can reach), a
+//! posture gets its arrival velocities, an arrival its motion, and each step adds what it costs. The first
+//! motion that keeps all limits and clearances ends a pass, and most of the rest is never looked at.
 //!
-//! Arms without closed form have a [`ReachMap`](super::reach_map::ReachMap): pairs that are too far by it are left out, and the others enter with the
-//! reachability margin that it estimates, until postures tell the true one.
+//! Arms without closed form have a [`ReachMap`](super::reach_map::ReachMap): pairs that are too far by it are
+//! left out, and the others enter with the reachability margin that it estimates, until postures tell the
+//! true one.
 //!
-//! The search is weighted, not admissible: failures of a grasp add a penalty to its catches at all times, and the map's estimate
-//! may be too high, by 0.1 to 0.3; either may put a better catch last. What is found nowhere is sought again at times in between.
-//! Then, in a second round, nothing is left out for the map's sake, postures are sought from more starts and along the null space,
-//! and what got as far as a motion or the approach is tried a little sooner and later; only then has the search failed. In flight
-//! each image brings as many passes as a bounded amount of work allows, the same for all arms.
+//! The search is weighted, not admissible: failures of a grasp add a penalty to its catches at all times, and
+//! the map's estimate may be too high, by 0.1 to 0.3; either may put a better catch last. What is found
+//! nowhere is sought again at times in between. Then, in a second round, nothing is left out for the map's
+//! sake, postures are sought from more starts and along the null space, and what got as far as a motion or
+//! the approach is tried a little sooner and later; only then has the search failed. In flight each image
+//! brings as many passes as a bounded amount of work allows, the same for all arms.
 
 mod candidate;
 mod frontier;
@@ -37,8 +40,8 @@ pub use settings::{REACH_FRACTION, Weights};
 
 /// Where the catch times of the passes lie, in fractions of the step between them.
 const OFFSETS: [f64; 8] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
-/// Passes that make up a search. In the second round what got as far as the approach or a motion is tried a little sooner and
-/// later, too (`NEARBY_S`).
+/// Passes that make up a search. In the second round what got as far as the approach or a motion is tried a
+/// little sooner and later, too (`NEARBY_S`).
 pub const PASSES: usize = 2 * OFFSETS.len();
 /// The work of a posture and of an arrival, in the units of [`Config::max_work`](super::Config::max_work).
 const WORK_OF_A_POSTURE: usize = 3;
@@ -48,7 +51,8 @@ const WORK_OF_AN_APPROACH: usize = 5;
 const WORK_OF_A_MOTION: usize = 80;
 const WORK_OF_APERTURES: usize = 30;
 
-/// How fast a hand may be expected to follow across its approach, in m/s, before its posture is known; chosen.
+/// How fast a hand may be expected to follow across its approach, in m/s, before its posture is known;
+/// chosen.
 const EXPECTED_ACROSS_MPS: f64 = 0.5;
 
 /// A catch that every joint can reach.
@@ -76,7 +80,8 @@ struct Search<'a> {
 }
 
 impl CatchSearch {
-    /// The best catch of an object on `flight` that the arm can reach from `start`, without a bound on the work.
+    /// The best catch of an object on `flight` that the arm can reach from `start`, without a bound on the
+    /// work.
     ///
     /// # Errors
     /// Why there is none.
@@ -92,10 +97,11 @@ impl CatchSearch {
         Err(failure)
     }
 
-    /// As many of the passes that make up the [search](Self::search) as a bounded amount of work allows, from number `pass` on,
-    /// which is counted up by those that found nothing. A flight that nothing catches at first is searched once more with every
-    /// new image. `departure_s` is when the arm [departed](Self::departure_s) from the ready pose, if it did and has not stood still
-    /// anywhere else since.
+    /// As many of the passes that make up the [search](Self::search) as a bounded amount of work allows, from
+    /// number `pass` on, which is counted up by those that found nothing. A flight that nothing catches at
+    /// first is searched once more with every new image. `departure_s` is when the arm
+    /// [departed](Self::departure_s) from the ready pose, if it did and has not stood still anywhere else
+    /// since.
     ///
     /// # Errors
     /// Why they found none.
@@ -129,8 +135,8 @@ impl CatchSearch {
         Search { start, incoming, reach, obstacles, work: 0 }
     }
 
-    /// What tells how well an object will be held: its grasp's heuristics, how it comes in, at `v_G` relative to the gripper and in G, and
-    /// how fast the gripper turns.
+    /// What tells how well an object will be held: its grasp's heuristics, how it comes in, at `v_G` relative
+    /// to the gripper and in G, and how fast the gripper turns.
     fn holding_cost(&self, incoming: &Incoming, still_cost: f64, v_G: &Vector3<f64>, spin_radps: f64) -> f64 {
         let weights = &self.motion.config.weights;
         let (speed_mps, direction) = (v_G.norm(), v_G.try_normalize(1e-6).unwrap_or_default());
@@ -160,7 +166,8 @@ impl CatchSearch {
         self.holding_cost(incoming, ranked.still_cost, &v_G, 0.0)
     }
 
-    /// Turns a candidate into a plan over these splines, whose motion still has to be safe; `None` if it cannot brake.
+    /// Turns a candidate into a plan over these splines, whose motion still has to be safe; `None` if it
+    /// cannot brake.
     pub(super) fn finish(
         &self,
         incoming: &Incoming,

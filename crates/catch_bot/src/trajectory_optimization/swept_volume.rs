@@ -1,4 +1,5 @@
-//! The object's way into the gripper: it must touch neither fingers nor housing before the fingers have closed.
+//! The object's way into the gripper: it must touch neither fingers nor housing before the fingers have
+//! closed.
 
 use catch_body::{Gripper, Pose, shape::Cuboid};
 use nalgebra::{Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -9,9 +10,10 @@ use crate::{
     trajectory_prediction::LocalFlight,
 };
 
-/// How long and how far before the catch the object's way into the gripper is checked, and in how many stretches: over 5 ms a point's
-/// way in G is straight to 0.1 mm. While the fingers close a touch does little harm: there the ends of
-/// the stretches alone are checked, until they should touch, at the catch at the latest.
+/// How long and how far before the catch the object's way into the gripper is checked, and in how many
+/// stretches: over 5 ms a point's way in G is straight to 0.1 mm. While the fingers close a touch does little
+/// harm: there the ends of the stretches alone are checked, until they should touch, at the catch at the
+/// latest.
 const APPROACH_S: f64 = 0.08;
 const APPROACH_M: f64 = 0.15;
 const STRETCHES: usize = 16;
@@ -26,8 +28,8 @@ pub(super) struct Entering<'a> {
     pub grasp: &'a Grasp,
 }
 
-/// What stood in an object's way when it was last looked at. It is looked at first the next time: what is in the way of one
-/// motion mostly is in that of the next, too.
+/// What stood in an object's way when it was last looked at. It is looked at first the next time: what is in
+/// the way of one motion mostly is in that of the next, too.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Obstacle {
     /// The point of its outline that touched the gripper on a straight way.
@@ -38,7 +40,8 @@ pub(super) struct Obstacle {
 }
 
 impl CatchSearch {
-    /// Whether the object can come into a gripper that is fully open and does not turn, at `v_GO` in G, without touching it.
+    /// Whether the object can come into a gripper that is fully open and does not turn, at `v_GO` in G,
+    /// without touching it.
     pub(super) fn straight_approach_is_free(
         &self,
         v_GO: &Vector3<f64>,
@@ -56,8 +59,8 @@ impl CatchSearch {
         touching.is_none()
     }
 
-    /// The narrowest opening with which the object touches neither fingers nor housing on its way into the moving gripper,
-    /// the fingers closing in time for the catch; `None` if there is none.
+    /// The narrowest opening with which the object touches neither fingers nor housing on its way into the
+    /// moving gripper, the fingers closing in time for the catch; `None` if there is none.
     pub(super) fn aperture(&self, plan: &CatchPlan, incoming: &Incoming, local_flight: &LocalFlight) -> Option<f64> {
         let entering = Entering { incoming, local_flight, grasp: &plan.grasp };
         self.first_with_free_approach(&self.apertures(&plan.X_WG, &entering), plan, incoming, local_flight)
@@ -86,8 +89,8 @@ impl CatchSearch {
         }
     }
 
-    /// How far apart slow fingers wait for an object that is to be held at `X_WG`, not wider than the grasp's own opening; `None` for fast
-    /// ones.
+    /// How far apart slow fingers wait for an object that is to be held at `X_WG`, not wider than the grasp's
+    /// own opening; `None` for fast ones.
     pub(super) fn pre_closed_m(&self, X_WG: &Pose, entering: &Entering) -> Option<f64> {
         let Entering { incoming, local_flight, grasp } = *entering;
         let sd_m = || {
@@ -99,8 +102,9 @@ impl CatchSearch {
         Some((grasp.object_width_m + 2.0 * margin_m).min(grasp.aperture_m))
     }
 
-    /// Whether there is such an opening if the gripper passes through `X_WG` at the catch as `terminal_velocity` wants it to, at an even
-    /// velocity: most motions that would fail in the end are told from that alone.
+    /// Whether there is such an opening if the gripper passes through `X_WG` at the catch as
+    /// `terminal_velocity` wants it to, at an even velocity: most motions that would fail in the end are told
+    /// from that alone.
     pub(super) fn approach_is_free(
         &self,
         X_WG: &Pose,
@@ -197,8 +201,8 @@ impl Hand {
         Self { boxes: [left, right, gripper.body()], margin_m }
     }
 
-    /// The point of an object's outline that touches it on the straight way between two places of the object; the point `likely`
-    /// is looked at before all others.
+    /// The point of an object's outline that touches it on the straight way between two places of the object;
+    /// the point `likely` is looked at before all others.
     fn touched_by(&self, grasps: &GraspSet, start: &Place, end: &Place, likely: usize) -> Option<usize> {
         let meets = |it: &Cuboid, radius_m: f64, [start, end]: [Vector3<f64>; 2]| {
             let half = it.size.add_scalar(2.0 * (radius_m + self.margin_m)) / 2.0;
@@ -225,8 +229,8 @@ impl Hand {
     }
 }
 
-/// Whether a straight way passes through a box about the origin: its parts between each pair of faces must have one in common
-/// (Kay & Kajiya, Ray tracing complex scenes, 1986).
+/// Whether a straight way passes through a box about the origin: its parts between each pair of faces must
+/// have one in common (Kay & Kajiya, Ray tracing complex scenes, 1986).
 fn segment_meets(half: &Vector3<f64>, start: &Vector3<f64>, end: &Vector3<f64>) -> bool {
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
     for axis in 0..3 {

@@ -1,14 +1,15 @@
 //! The joint velocities at the catch.
 //!
-//! In the paper (III-D) the grasp centre moves along with the object at a fraction s of its velocity, up to 30 %. Direction is hard, speed and
-//! the gripper's own turning are soft:
+//! In the paper (III-D) the grasp centre moves along with the object at a fraction s of its velocity, up to
+//! 30 %. Direction is hard, speed and the gripper's own turning are soft:
 //!
 //! ```text
 //!     min   a·(s − s_max)² + b·|J_ω q̇|² + ε·|q̇|²
 //!     s.t.  J_v q̇ = s·v_O,   low ≤ q̇ ≤ high,   0 ≤ s ≤ s_max
 //! ```
-//! s = 0 is always consistent with J_v q̇ = 0. What moves across the gripper is held badly. So here the hand follows the object across its
-//! approach (x and z of G) as fast as it can, and along it (y) at s_max. All of it is soft, with a weight W_i each ([`Following`]):
+//! s = 0 is always consistent with J_v q̇ = 0. What moves across the gripper is held badly. So here the hand
+//! follows the object across its approach (x and z of G) as fast as it can, and along it (y) at s_max. All of
+//! it is soft, with a weight W_i each ([`Following`]):
 //!
 //! ```text
 //!     min   Σ W_i·(R_GW J_v q̇ − (v_x, s_max·v_y, v_z))_i² + b·|J_ω q̇|² + ε·|q̇|²,   low ≤ q̇ ≤ high
@@ -29,8 +30,8 @@ use super::{
 pub struct Weights {
     /// On the speed fraction's distance from its best, a.
     pub speed: f64,
-    /// On the square of the gripper's angular velocity, b; a gripper that turns at 3 rad/s is 33 mm off the flight line 60 ms
-    /// before the catch.
+    /// On the square of the gripper's angular velocity, b; a gripper that turns at 3 rad/s is 33 mm off the
+    /// flight line 60 ms before the catch.
     pub spin: f64,
     /// Keeps the program strictly convex along the redundancy, ε.
     pub damping: f64,
@@ -76,8 +77,8 @@ pub struct TerminalVelocity {
 
 /// The best joint velocities within `bounds`.
 ///
-/// `jacobian` is that of the grasp centre in W, `v_WO` the object's velocity in W in m/s, and `bounds` are those of each joint's velocity
-/// in rad/s. The hand follows with the gripper's orientation in W.
+/// `jacobian` is that of the grasp centre in W, `v_WO` the object's velocity in W in m/s, and `bounds` are
+/// those of each joint's velocity in rad/s. The hand follows with the gripper's orientation in W.
 ///
 /// # Errors
 /// If there are none, or not even the direction can be kept where it is hard; or if the program fails

@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Forces on an object per mass: f = −|v|·R·E·Rᵀ·v + (c_M·ω + s + R·s_O)×v, s and s_O being the Magnus coefficient times the part of the spin
-/// that cannot be seen.
+/// Forces on an object per mass: f = −|v|·R·E·Rᵀ·v + (c_M·ω + s + R·s_O)×v, s and s_O being the Magnus
+/// coefficient times the part of the spin that cannot be seen.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct AerodynamicForces {
     /// E in O, in 1/m.
@@ -20,8 +20,8 @@ pub struct AerodynamicForces {
 }
 
 impl AerodynamicForces {
-    /// The acceleration f of an object with this orientation, velocity and angular velocity; of the spin that cannot be seen, `left` is the
-    /// fraction that has not decayed.
+    /// The acceleration f of an object with this orientation, velocity and angular velocity; of the spin that
+    /// cannot be seen, `left` is the fraction that has not decayed.
     pub fn acceleration_mps2(
         &self,
         R_WO: &UnitQuaternion<f64>,

@@ -1,10 +1,12 @@
-//! What is found of an object along with its flight: drag by direction, a force across the flight, and its centre of mass.
+//! What is found of an object along with its flight: drag by direction, a force across the flight, and its
+//! centre of mass.
 //!
-//! a = g − k·|v|·v + f with f = −|v|·R·E·Rᵀ·v + (c_M·ω + s)×v: E is symmetric, without trace and fixed to the object, and has the symmetry that
-//! the object looks to have; c_M is the Magnus coefficient, and s that times the part of the spin that cannot be seen, about the axis of a
-//! body of revolution or about any of a ball. What flies so is the centre of mass, at c in O (on the axis of a body of revolution). The
-//! orientations of the poses are taken as they are, and velocities and angular velocities as fitted before, so that position, velocity, k,
-//! E, c_M, s and c follow from one linear problem with Gaussian priors.
+//! a = g − k·|v|·v + f with f = −|v|·R·E·Rᵀ·v + (c_M·ω + s)×v: E is symmetric, without trace and fixed to the
+//! object, and has the symmetry that the object looks to have; c_M is the Magnus coefficient, and s that
+//! times the part of the spin that cannot be seen, about the axis of a body of revolution or about any of a
+//! ball. What flies so is the centre of mass, at c in O (on the axis of a body of revolution). The
+//! orientations of the poses are taken as they are, and velocities and angular velocities as fitted before,
+//! so that position, velocity, k, E, c_M, s and c follow from one linear problem with Gaussian priors.
 
 use catch_body::{dynamics::gravity, quantity};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
@@ -21,7 +23,8 @@ use crate::perception::{ObjectPose, Symmetry};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AerodynamicPrior {
-    /// Standard deviation in 1/m of E's elements along the principal axes of inertia; of those beside them a fifth.
+    /// Standard deviation in 1/m of E's elements along the principal axes of inertia; of those beside them a
+    /// fifth.
     #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_deviation_sd_per_m: f64,
     /// Magnus coefficient c_M that is expected.
@@ -30,7 +33,8 @@ pub struct AerodynamicPrior {
     /// Its standard deviation.
     #[serde(deserialize_with = "quantity::magnus")]
     pub magnus_sd: f64,
-    /// Standard deviation of each component of s, in rad/s. Where no Magnus coefficient is expected, s is the lift of all spin, seen or not.
+    /// Standard deviation of each component of s, in rad/s. Where no Magnus coefficient is expected, s is the
+    /// lift of all spin, seen or not.
     #[serde(deserialize_with = "quantity::speed_radps")]
     pub lift_sd_radps: f64,
     /// Decay c of the spin that is expected, ω̇ = −c·ω, in 1/s.
@@ -59,10 +63,11 @@ const MAGNUS: usize = LIFT + 3;
 const COM: usize = MAGNUS + 1;
 /// Those on which accelerations depend.
 const FORCES: usize = COM - DRAG;
-/// How much less of E is expected beside the principal axes of inertia than along them: where shape and mass have planes of symmetry,
-/// there is none.
+/// How much less of E is expected beside the principal axes of inertia than along them: where shape and mass
+/// have planes of symmetry, there is none.
 const ACROSS: f64 = 0.2;
-/// Passes of reweighting, and the error in scaled standard deviations at which a weight has fallen to a quarter.
+/// Passes of reweighting, and the error in scaled standard deviations at which a weight has fallen to a
+/// quarter.
 const PASSES: usize = 3;
 const OUTLIER_SD: f64 = 4.0;
 
@@ -90,7 +95,8 @@ fn deviations(symmetry: &Symmetry) -> [Matrix3<f64>; E] {
     basis
 }
 
-/// A basis of the centres of mass in O that are fixed to what can be seen of the object's orientation; what is left of it is zero.
+/// A basis of the centres of mass in O that are fixed to what can be seen of the object's orientation; what
+/// is left of it is zero.
 fn centres(symmetry: &Symmetry) -> Matrix3<f64> {
     match symmetry {
         Symmetry::Finite { .. } => Matrix3::identity(),
@@ -132,7 +138,8 @@ impl UnseenSpin {
     }
 }
 
-/// The dependence of the position at one time on the parameters, and what remains of the position without them.
+/// The dependence of the position at one time on the parameters, and what remains of the position without
+/// them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row {
     age_s: f64,
@@ -143,8 +150,9 @@ pub(super) struct Row {
     weight: f64,
 }
 
-/// Refines a fitted flight: its position, velocity and drag constant together with the forces and the centre of mass. `poses` are oldest first,
-/// and those the flight was fitted to. `None` if the arithmetic failed, which leaves the flight as it was.
+/// Refines a fitted flight: its position, velocity and drag constant together with the forces and the centre
+/// of mass. `poses` are oldest first, and those the flight was fitted to. `None` if the arithmetic failed,
+/// which leaves the flight as it was.
 pub(super) fn refine(
     poses: &[ObjectPose],
     flight: &mut FlightTrajectory,

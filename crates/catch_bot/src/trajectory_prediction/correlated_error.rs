@@ -1,9 +1,11 @@
 //! The error that successive poses have in common.
 //!
-//! Cameras that are aligned on the arm place it rightly, and what is away from it the less rightly the farther away it is: their rolls about
-//! their lines of sight are not seen. Such an error moves as slowly as the object and looks like a velocity that the object does not have.
-//! Nothing in one flight tells it from the motion, so that it is not estimated but considered (S. F. Schmidt, Application of state-space
-//! methods to navigation problems, 1966): the flight stays that of independent errors, and its covariance counts what such errors do to it.
+//! Cameras that are aligned on the arm place it rightly, and what is away from it the less rightly the
+//! farther away it is: their rolls about their lines of sight are not seen. Such an error moves as slowly as
+//! the object and looks like a velocity that the object does not have. Nothing in one flight tells it from
+//! the motion, so that it is not estimated but considered (S. F. Schmidt, Application of state-space methods
+//! to navigation problems, 1966): the flight stays that of independent errors, and its covariance counts what
+//! such errors do to it.
 
 use nalgebra::{SMatrix, Vector3};
 
@@ -12,10 +14,11 @@ use super::process_noise::add_product;
 /// Correlation time τ of the errors, in seconds: they change as slowly as a thrown object comes nearer.
 const CORRELATION_TIME_S: f64 = 0.1;
 
-/// What correlated errors eᵢ of the positions, a first-order Gauss–Markov process along each axis, do to the right-hand side Σ Aᵢ·eᵢ of normal equations, Aᵢ = Jᵢᵀ·Wᵢ.
+/// What correlated errors eᵢ of the positions, a first-order Gauss–Markov process along each axis, do to the
+/// right-hand side Σ Aᵢ·eᵢ of normal equations, Aᵢ = Jᵢᵀ·Wᵢ.
 ///
-/// Its covariance is Σᵢⱼ σᵢ·σⱼ·e^(−|tᵢ − tⱼ|/τ)·Aᵢ·Aⱼᵀ. With Sᵢ = σᵢ·Aᵢ + e^(−|tᵢ − tᵢ₋₁|/τ)·Sᵢ₋₁ that is Σᵢ (Sᵢ − ½·σᵢ·Aᵢ)·σᵢ·Aᵢᵀ and its
-/// transpose.
+/// Its covariance is Σᵢⱼ σᵢ·σⱼ·e^(−|tᵢ − tⱼ|/τ)·Aᵢ·Aⱼᵀ. With Sᵢ = σᵢ·Aᵢ + e^(−|tᵢ − tᵢ₋₁|/τ)·Sᵢ₋₁ that is Σᵢ
+/// (Sᵢ − ½·σᵢ·Aᵢ)·σᵢ·Aᵢᵀ and its transpose.
 #[derive(Debug, Clone)]
 pub(super) struct CorrelatedSums<const N: usize> {
     sd_per_m: f64,
@@ -28,8 +31,8 @@ pub(super) struct CorrelatedSums<const N: usize> {
 }
 
 impl<const N: usize> CorrelatedSums<N> {
-    /// Sums to which poses can be added, of errors with this standard deviation for each metre from the origin; `None` if there is no such
-    /// error.
+    /// Sums to which poses can be added, of errors with this standard deviation for each metre from the
+    /// origin; `None` if there is no such error.
     pub fn of(sd_per_m: Option<f64>) -> Option<Self> {
         let sd_per_m = sd_per_m.filter(|it| *it > 0.0)?;
         let (sum, half) = (SMatrix::zeros(), SMatrix::zeros());
@@ -45,7 +48,8 @@ impl<const N: usize> CorrelatedSums<N> {
         self.sum += own;
     }
 
-    /// Eliminates an impulse as [`after_impulse`](super::process_noise::after_impulse) does, which returned this gain.
+    /// Eliminates an impulse as [`after_impulse`](super::process_noise::after_impulse) does, which returned
+    /// this gain.
     pub fn after_impulse(&mut self, gain: &SMatrix<f64, N, 3>, [place, rate]: [usize; 2], age_s: f64) {
         self.sum -= gain * (self.sum.fixed_rows::<3>(place) * age_s + self.sum.fixed_rows::<3>(rate));
         let rows = self.half.fixed_rows::<3>(place) * age_s + self.half.fixed_rows::<3>(rate);
@@ -112,7 +116,8 @@ mod tests {
         assert_eq!(all.half, SMatrix::<f64, N, N>::zeros());
     }
 
-    /// An error that both poses before an impulse have displaces the right-hand side as the elimination has it.
+    /// An error that both poses before an impulse have displaces the right-hand side as the elimination has
+    /// it.
     #[test]
     fn an_impulse_is_eliminated_from_the_sums() {
         let (blocks, age_s, variance) = ([1, 5], 0.3, 0.07);

@@ -1,9 +1,10 @@
 //! The flight that fits all poses best, by what each pose's information is worth.
 //!
-//! Minimizes Σ ρ(eᵢᵀ·Wᵢ·eᵢ / s²) + (k − k̄)²/σ_k² + |ω|²/σ_ω² + (c − c̄)²/σ_c² over (p, v, k, R, ω, c) at the time of the newest pose, eᵢ being the
-//! turn and shift from the flight to pose i and Wᵢ its information, by Gauss–Newton with reweighting. Of a round object ω is L/J_⊥, whose part along
-//! the axis is expected to be J_∥/J_⊥ times as large. Outliers weigh nothing
-//! (ρ of Geman and McClure); the scale s, by which the poses err more or less than they say, is estimated along.
+//! Minimizes Σ ρ(eᵢᵀ·Wᵢ·eᵢ / s²) + (k − k̄)²/σ_k² + |ω|²/σ_ω² + (c − c̄)²/σ_c² over (p, v, k, R, ω, c) at the
+//! time of the newest pose, eᵢ being the turn and shift from the flight to pose i and Wᵢ its information, by
+//! Gauss–Newton with reweighting. Of a round object ω is L/J_⊥, whose part along the axis is expected to be
+//! J_∥/J_⊥ times as large. Outliers weigh nothing (ρ of Geman and McClure); the scale s, by which the poses
+//! err more or less than they say, is estimated along.
 
 mod row;
 mod state;
@@ -77,7 +78,8 @@ pub(super) fn fit(
     let (inertia, forces) = (tumbling::inertia_per_kg(symmetry), start.forces);
     let problem = Problem { poses, newest_s, symmetry, inertia, forces, freedom, config };
 
-    // The poses near the start are taken for the good ones; how far the nearer half of as many is off sets the scale.
+    // The poses near the start are taken for the good ones; how far the nearer half of as many is off sets
+    // the scale.
     let near_start = problem.linearize(&state, poses.len(), scratch);
     let good = near_start.max(2);
     let mut scale = problem.typical_error(good, scratch).max(1.0);
@@ -160,8 +162,8 @@ impl Problem<'_> {
         !matches!(self.symmetry, Symmetry::Sphere)
     }
 
-    /// Flies from the newest pose to the oldest and notes how the flight stands to each. Returns how many of the newest
-    /// `window` poses agree with it.
+    /// Flies from the newest pose to the oldest and notes how the flight stands to each. Returns how many of
+    /// the newest `window` poses agree with it.
     fn linearize(&self, state: &State, window: usize, scratch: &mut Scratch) -> usize {
         scratch.rows.clear();
         // Room for as many poses as there will ever be, so that it is made once.
@@ -224,8 +226,8 @@ impl Problem<'_> {
         agreeing
     }
 
-    /// The rows after a step that is short enough for their derivatives to hold. Returns how many of the newest `window` poses
-    /// agree with the flight then.
+    /// The rows after a step that is short enough for their derivatives to hold. Returns how many of the
+    /// newest `window` poses agree with the flight then.
     fn advance(&self, step: &SVector<f64, N>, window: usize, scratch: &mut Scratch) -> usize {
         let turns = self.turns();
         let (p, motion) = (step.fixed_rows::<3>(0), step.fixed_rows::<4>(3));
@@ -255,7 +257,8 @@ impl Problem<'_> {
         squares.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt()
     }
 
-    /// The covariance of a fitted state and the scale of the errors. Errors that poses have in common reach the first `M` parameters.
+    /// The covariance of a fitted state and the scale of the errors. Errors that poses have in common reach
+    /// the first `M` parameters.
     fn conclude<const M: usize>(&self, state: &State, scale: f64, scratch: &Scratch) -> Option<Conclusion> {
         let mut correlated = CorrelatedSums::<M>::of(self.config.correlated_sd_per_m);
         let noisy = self.config.process_noise.any();

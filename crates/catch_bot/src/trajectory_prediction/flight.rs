@@ -11,7 +11,8 @@ use super::{AerodynamicForces, LocalFlight, ProcessNoise, tumbling::Tumbling};
 pub struct FlightTrajectory {
     /// The instant of the state below, in seconds on the cell's clock: that of the newest pose it rests on.
     pub time_s: f64,
-    /// Position of the object's centre of mass Ocm in W, in metres; that of O is [`pose_at`](Self::pose_at)'s. In files it is `p_WO`.
+    /// Position of the object's centre of mass Ocm in W, in metres; that of O is
+    /// [`pose_at`](Self::pose_at)'s. In files it is `p_WO`.
     #[serde(rename = "p_WO")]
     pub p_WOcm: Point3<f64>,
     /// Its velocity in W, in m/s. In files it is `v_WO`.
@@ -26,14 +27,15 @@ pub struct FlightTrajectory {
     /// Decay c of its spin in 1/s.
     #[serde(default)]
     pub spin_decay_per_s: f64,
-    /// Inertia tensor in O divided by the mass, in m², where it makes the object tumble; `None` where the angular velocity
-    /// stays as it is.
+    /// Inertia tensor in O divided by the mass, in m², where it makes the object tumble; `None` where the
+    /// angular velocity stays as it is.
     pub inertia_per_kg: Option<Matrix3<f64>>,
     /// Covariance of (p in m, v in m/s, k in 1/m) at `time_s`: rows 0–2, 3–5 and 6, in W.
     pub covariance: SMatrix<f64, 7, 7>,
     /// Covariance of (rotation vector in rad, ω in rad/s) at `time_s`: rows 0–2 and 3–5, in W.
     pub rotation_covariance: Matrix6<f64>,
-    /// Error in metres that all poses have in common and no number of them reduces (calibration); part of every covariance.
+    /// Error in metres that all poses have in common and no number of them reduces (calibration); part of
+    /// every covariance.
     pub systematic_sd_m: f64,
     /// The centre of mass in O, in metres: how far it is from where the reference model has it.
     #[serde(default)]
@@ -58,9 +60,11 @@ pub struct FlightTrajectory {
     pub error_scale: f64,
 }
 
-/// Longest step of the integration. At 10 m/s and a drag constant of 0.2 1/m its error stays below 10 nm over a second.
+/// Longest step of the integration. At 10 m/s and a drag constant of 0.2 1/m its error stays below 10 nm over
+/// a second.
 const STEP_S: f64 = 0.02;
-/// The same with forces that depend on the orientation: at 25 rad/s a quarter of a radian, and an error of a tenth of a millimetre.
+/// The same with forces that depend on the orientation: at 25 rad/s a quarter of a radian, and an error of a
+/// tenth of a millimetre.
 const PUSHED_STEP_S: f64 = 0.01;
 /// Most steps, so that absurd times cost no more than wrong answers.
 const MAX_STEPS: f64 = 500.0;
@@ -84,7 +88,8 @@ impl Motion {
 
     /// The motion `duration_s` later (or earlier, if negative) under a = g − k·|v|·v.
     ///
-    /// Without drag in closed form; with it by Runge–Kutta of fourth order, the derivatives together with the state.
+    /// Without drag in closed form; with it by Runge–Kutta of fourth order, the derivatives together with the
+    /// state.
     pub fn after(&self, duration_s: f64, drag_per_m: f64, with_derivatives: bool) -> Self {
         if drag_per_m == 0.0 && !with_derivatives {
             let p = self.p + self.v * duration_s + gravity() * (0.5 * duration_s * duration_s);
@@ -107,8 +112,8 @@ impl Motion {
         motion
     }
 
-    /// A step of the parabola, with derivatives: ∂p/∂v = h and, with a(t) = −|v|v, ∂v/∂k = ∫a dt and ∂p/∂k = ∫(h − t)·a dt,
-    /// by Simpson's rule.
+    /// A step of the parabola, with derivatives: ∂p/∂v = h and, with a(t) = −|v|v, ∂v/∂k = ∫a dt and ∂p/∂k =
+    /// ∫(h − t)·a dt, by Simpson's rule.
     fn after_step_without_drag(&self, h: f64) -> Self {
         let v_at = |fraction: f64| self.v + gravity() * (fraction * h);
         let by_drag = [0.0, 0.5, 1.0].map(|fraction| v_at(fraction) * -v_at(fraction).norm());
@@ -248,7 +253,8 @@ impl FlightTrajectory {
 
     /// Covariance of (position of O, velocity of the centre of mass) in W at `time_s`, m² and m²/s².
     ///
-    /// Σ(t) = Φ·Σ₀·Φᵀ, Φ being the derivative of (p, v) at `time_s` with respect to (p, v, k) at the state's time.
+    /// Σ(t) = Φ·Σ₀·Φᵀ, Φ being the derivative of (p, v) at `time_s` with respect to (p, v, k) at the state's
+    /// time.
     pub fn covariance_at(&self, time_s: f64) -> Matrix6<f64> {
         let start = Motion::new(self.p_WOcm.coords, self.v_WOcm);
         let motion = start.after(time_s - self.time_s, self.drag_per_m, true);

@@ -3,8 +3,9 @@
 use catch_body::{Pose, Twist, dynamics::gravity};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
-/// The flight within about 0.1 s of an instant, as cheap to evaluate as a pose: constant acceleration and constant angular
-/// velocity. Over 0.1 s, drag's change and tumbling displace the object by less than 0.3 mm and turn it by less than 1° more.
+/// The flight within about 0.1 s of an instant, as cheap to evaluate as a pose: constant acceleration and
+/// constant angular velocity. Over 0.1 s, drag's change and tumbling displace the object by less than 0.3 mm
+/// and turn it by less than 1° more.
 #[derive(Debug, Clone, Copy)]
 pub struct LocalFlight {
     /// The instant.

@@ -1,7 +1,7 @@
 //! Trajectory prediction (paper, III-B): the flight that the poses agree on.
 //!
-//! Sampling ([`ransac`]) finds a flight that most poses lie on, and which they are; a robust fit to all of them (`fit.rs`)
-//! makes it as good as the poses' information allows and says how good that is.
+//! Sampling ([`ransac`]) finds a flight that most poses lie on, and which they are; a robust fit to all of
+//! them (`fit.rs`) makes it as good as the poses' information allows and says how good that is.
 
 mod aerodynamic_forces;
 mod aerodynamics;
@@ -34,21 +34,25 @@ pub struct Config {
     /// Drag constant k that is expected, in 1/m; zero if it is not set.
     #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_prior_per_m: Option<f64>,
-    /// Its standard deviation. Zero, as in the paper's simulator: there is no drag, or exactly as much as expected; so it is if it is not set.
+    /// Its standard deviation. Zero, as in the paper's simulator: there is no drag, or exactly as much as
+    /// expected; so it is if it is not set.
     #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_prior_sd_per_m: Option<f64>,
-    /// Standard deviation of each component of the angular velocity around zero before anything is seen, rad/s.
+    /// Standard deviation of each component of the angular velocity around zero before anything is seen,
+    /// rad/s.
     #[serde(deserialize_with = "quantity::speed_radps")]
     pub spin_prior_sd_radps: f64,
-    /// Error in metres that all poses have in common, at the arm and away from it (calibration of the cameras).
+    /// Error in metres that all poses have in common, at the arm and away from it (calibration of the
+    /// cameras).
     #[serde(deserialize_with = "quantity::error_m")]
     pub systematic_sd_m: f64,
-    /// Standard deviation of an error that successive poses have in common, in metres for each metre between the pose and the origin of W,
-    /// where the arm stands. It is that of `perception.camera_sd_rad` if it is not set.
+    /// Standard deviation of an error that successive poses have in common, in metres for each metre between
+    /// the pose and the origin of W, where the arm stands. It is that of `perception.camera_sd_rad` if it is
+    /// not set.
     #[serde(deserialize_with = "quantity::fraction")]
     pub correlated_sd_per_m: Option<f64>,
-    /// Standard deviation in metres of each coordinate by which the centre of mass may be beside that of the reference model, whose density is
-    /// uniform; as the object's file says if it is not set.
+    /// Standard deviation in metres of each coordinate by which the centre of mass may be beside that of the
+    /// reference model, whose density is uniform; as the object's file says if it is not set.
     #[serde(deserialize_with = "quantity::error_m")]
     pub com_sd_m: Option<f64>,
     /// Forces that depend on orientation and spin. None are expected by default.
@@ -90,8 +94,8 @@ pub struct Considered {
 }
 
 impl Default for Considered {
-    /// First flights and distances are those of the original; sampling looks at 30 poses (paper, III-B), the fit at a second of them,
-    /// since each adds information.
+    /// First flights and distances are those of the original; sampling looks at 30 poses (paper, III-B), the
+    /// fit at a second of them, since each adds information.
     fn default() -> Self {
         Self { first_after: 6, window: 30, fit_window: 100, inlier_m: 0.01 }
     }
@@ -113,7 +117,8 @@ impl Config {
         self.com_sd_m.unwrap_or_default()
     }
 
-    /// The newest poses, at which sampling looks, oldest first; `None` before there are enough for a first flight.
+    /// The newest poses, at which sampling looks, oldest first; `None` before there are enough for a first
+    /// flight.
     pub fn sampled<'a>(&self, poses: &'a [ObjectPose]) -> Option<&'a [ObjectPose]> {
         let window = &poses[poses.len() - self.considered.window.max(2).min(poses.len())..];
         (window.len() >= self.considered.first_after.max(2)).then_some(window)
@@ -136,8 +141,8 @@ pub enum PredictionStatus {
 pub trait FlightPredictor {
     /// The flight that the poses seen so far agree on.
     ///
-    /// `poses` are all poses of this throw in W, oldest first, outliers included; `previous` is the flight that was predicted last,
-    /// `None` before the first. The result holds at the time of the newest pose.
+    /// `poses` are all poses of this throw in W, oldest first, outliers included; `previous` is the flight
+    /// that was predicted last, `None` before the first. The result holds at the time of the newest pose.
     ///
     /// # Errors
     /// Why there is no flight.
@@ -174,10 +179,11 @@ impl<T: FlightPredictor + ?Sized> FlightPredictor for Box<T> {
     }
 }
 
-/// Sampling to start and to restart, then a robust fit to all poses that agree, weighted by their information.
+/// Sampling to start and to restart, then a robust fit to all poses that agree, weighted by their
+/// information.
 ///
-/// The previous flight is where the fit starts as long as the newest poses agree with it. Its forces and its centre of mass correct what
-/// the fit expects; both are then found anew.
+/// The previous flight is where the fit starts as long as the newest poses agree with it. Its forces and its
+/// centre of mass correct what the fit expects; both are then found anew.
 #[derive(Debug, Clone)]
 pub struct InformationFit {
     config: Config,
@@ -290,5 +296,6 @@ impl FlightPredictor for InformationFit {
 const MUCH_BETTER: f64 = 0.8;
 /// A flight that fewer than this fraction of the newest poses agree with is given up, and searched for anew.
 pub const MIN_INLIER_FRACTION: f64 = 0.25;
-/// A fit whose poses err by more than so many times what they say is searched for anew as well, and the better one is taken.
+/// A fit whose poses err by more than so many times what they say is searched for anew as well, and the
+/// better one is taken.
 const MAX_ERROR_SCALE: f64 = 2.0;

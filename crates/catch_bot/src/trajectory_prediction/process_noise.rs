@@ -1,7 +1,8 @@
 //! Noise of the process: what no model of the flight knows.
 //!
-//! The acceleration and the angular acceleration are those of the model and white noise. Poses then tell the less of the present state
-//! the older they are, and predictions become uncertain the sooner the farther ahead they are.
+//! The acceleration and the angular acceleration are those of the model and white noise. Poses then tell the
+//! less of the present state the older they are, and predictions become uncertain the sooner the farther
+//! ahead they are.
 
 use catch_body::quantity;
 use nalgebra::{Cholesky, Matrix3, Matrix6, SMatrix, SVector, U3, Vector3};
@@ -38,8 +39,9 @@ impl ProcessNoise {
     }
 }
 
-/// Normal equations H·x + g = 0 of the state now, before and after an impulse u with variance `variance` per axis, which moved what they say of
-/// two blocks of x: x → x + Γ·u with Γ = `age_s`·1 on the block at `place` and 1 on that at `rate`.
+/// Normal equations H·x + g = 0 of the state now, before and after an impulse u with variance `variance` per
+/// axis, which moved what they say of two blocks of x: x → x + Γ·u with Γ = `age_s`·1 on the block at `place`
+/// and 1 on that at `rate`.
 ///
 /// Minimizing over u: H − H·Γ·(ΓᵀHΓ + 1/σ²)⁻¹·ΓᵀH, and the same for g. Returns the gain H·Γ·(ΓᵀHΓ + 1/σ²)⁻¹.
 pub(super) fn after_impulse<const N: usize>(
@@ -86,8 +88,8 @@ pub(super) fn add_product<const N: usize>(M: &mut SMatrix<f64, N, N>, A: &SMatri
     }
 }
 
-/// What of eᵀ·W·e the noise accounts for that has displaced an object since a pose of this age: of the information it leaves
-/// (W⁻¹ + Q)⁻¹ = W − W·(Q⁻¹ + W)⁻¹·W, with Q = q²·τ³/3.
+/// What of eᵀ·W·e the noise accounts for that has displaced an object since a pose of this age: of the
+/// information it leaves (W⁻¹ + Q)⁻¹ = W − W·(Q⁻¹ + W)⁻¹·W, with Q = q²·τ³/3.
 pub(super) fn lost_square(W: &Matrix3<f64>, e: &Vector3<f64>, density: f64, age_s: f64) -> f64 {
     let variance = density.powi(2) * age_s.powi(3) / 3.0;
     if variance <= 0.0 {

@@ -17,10 +17,12 @@ pub struct Scratch {
 /// How a sampled flight rotates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rotation {
-    /// As a free rigid body, at the median of the rates between neighbouring poses. Poses agree by their positions alone: the
-    /// shortest rotation between the two poses of a tumbling object is often not the way it rotated.
+    /// As a free rigid body, at the median of the rates between neighbouring poses. Poses agree by their
+    /// positions alone: the shortest rotation between the two poses of a tumbling object is often not the way
+    /// it rotated.
     Free,
-    /// At a constant rate by the shortest rotation between its two poses, to which the other poses must agree (paper).
+    /// At a constant rate by the shortest rotation between its two poses, to which the other poses must agree
+    /// (paper).
     Constant,
 }
 
@@ -50,8 +52,8 @@ pub const SAMPLES: usize = 20;
 const INLIER_RAD: f64 = 0.1;
 
 impl Sampling {
-    /// With 40 % outliers one start in 7,000 sees no good pair in 20 samples, so sampling goes on until a better pair can hardly have been
-    /// missed.
+    /// With 40 % outliers one start in 7,000 sees no good pair in 20 samples, so sampling goes on until a
+    /// better pair can hardly have been missed.
     pub const OURS: Self = Self { rotation: Rotation::Free, ties: TieBreak::MeanSquare, most: 500 };
 }
 
@@ -92,7 +94,8 @@ pub fn best_flight(
     if rotation == Rotation::Free {
         flight.w_WO = typical_spin(poses, &flight, symmetry, config, &mut scratch.turn_rates);
     }
-    // What can be said of its uncertainty without a fit: two points, each as far off as the inliers on average.
+    // What can be said of its uncertainty without a fit: two points, each as far off as the inliers on
+    // average.
     let variance = mean_square_m2 / 3.0;
     let seen_s = (poses[poses.len() - 1].capture_s - poses[0].capture_s).abs().max(1e-3);
     for i in 0..3 {
@@ -107,14 +110,15 @@ pub fn best_flight(
 /// Probability that sampling stops before it has seen a pair of inliers.
 const MISS: f64 = 1e-6;
 
-/// Whether `samples` pairs are enough when a fraction w of the poses agrees with the best: (1 − w²)^samples ≤ [`MISS`].
+/// Whether `samples` pairs are enough when a fraction w of the poses agrees with the best: (1 − w²)^samples ≤
+/// [`MISS`].
 fn enough(samples: usize, inliers: usize, poses: usize) -> bool {
     let fraction = inliers as f64 / poses as f64;
     samples as f64 * libm::log(1.0 - fraction * fraction) <= libm::log(MISS)
 }
 
-/// The flight through two poses, at the time of the later one: p₂ = p₁ + v₁Δt + ½gΔt², shortened by the drag that is
-/// expected, and the shortest turn between the orientations.
+/// The flight through two poses, at the time of the later one: p₂ = p₁ + v₁Δt + ½gΔt², shortened by the drag
+/// that is expected, and the shortest turn between the orientations.
 fn through(
     earlier: &ObjectPose,
     later: &ObjectPose,
@@ -155,8 +159,9 @@ fn through(
     (v_WOcm.iter().chain(w_WO.iter()).all(|value| value.is_finite())).then_some(flight)
 }
 
-/// Median, component by component, of the turns from one agreeing pose to the next per time. Over the short time between
-/// two frames the shortest turn is the true one, which it need not be between the two poses that were sampled.
+/// Median, component by component, of the turns from one agreeing pose to the next per time. Over the short
+/// time between two frames the shortest turn is the true one, which it need not be between the two poses that
+/// were sampled.
 fn typical_spin(
     poses: &[ObjectPose],
     flight: &FlightTrajectory,

@@ -1,16 +1,17 @@
 //! Free rotation: what an object's orientation does in flight.
 //!
-//! Nothing turns a flying object but its own momentum (drag acts at the centre of mass): L = J_W·ω stays, with
-//! J_W = R·J·Rᵀ, so ω = R·J⁻¹·Rᵀ·L changes as the object turns (Euler's equations).
+//! Nothing turns a flying object but its own momentum (drag acts at the centre of mass): L = J_W·ω stays,
+//! with J_W = R·J·Rᵀ, so ω = R·J⁻¹·Rᵀ·L changes as the object turns (Euler's equations).
 //!
-//! Where the air lets the spin decay, L̇ = −c·L, the object goes through the same orientations more and more slowly: R(t) is the free
-//! rotation at τ(t) = (1 − e^(−c·t))/c.
+//! Where the air lets the spin decay, L̇ = −c·L, the object goes through the same orientations more and more
+//! slowly: R(t) is the free rotation at τ(t) = (1 − e^(−c·t))/c.
 
 use nalgebra::{Matrix3, Quaternion, SMatrix, UnitQuaternion, Vector3};
 
 use crate::perception::Symmetry;
 
-/// Orientation of a freely rotating object, and how it depends on the orientation and the angular momentum at the start.
+/// Orientation of a freely rotating object, and how it depends on the orientation and the angular momentum at
+/// the start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Tumbling {
     pub R_WO: UnitQuaternion<f64>,
@@ -42,7 +43,8 @@ pub fn inertia_per_kg(symmetry: &Symmetry) -> Option<Matrix3<f64>> {
 }
 
 impl Tumbling {
-    /// The state with orientation `R_WO` and angular velocity `w_WO`. Without an inertia tensor ω stays as it is.
+    /// The state with orientation `R_WO` and angular velocity `w_WO`. Without an inertia tensor ω stays as it
+    /// is.
     pub fn new(R_WO: UnitQuaternion<f64>, w_WO: &Vector3<f64>, inertia_per_kg: Option<&Matrix3<f64>>) -> Self {
         // Only ratios matter: scaled to a trace of three, so that momentum is of the size of ω.
         let scaled = inertia_per_kg.map(|inertia| inertia * (3.0 / inertia.trace()));
@@ -91,7 +93,8 @@ impl Tumbling {
         state
     }
 
-    /// ∂θ/∂c, c being the decay and all states since the start those of the same one: ω of the free rotation times ∂τ/∂c.
+    /// ∂θ/∂c, c being the decay and all states since the start those of the same one: ω of the free rotation
+    /// times ∂τ/∂c.
     pub fn by_decay(&self) -> Vector3<f64> {
         let (c, t) = (self.decay_per_s, self.elapsed_s);
         let by =

@@ -31,7 +31,8 @@ fn throw(far: bool, reference: &ReferenceModel, normal: &mut Normal) -> FlightTr
     }
 }
 
-/// eᵀΣ⁻¹e of the predicted position at the catch after each of [`FRAMES`], one image set in ten an outlier of 5 to 20 cm.
+/// eᵀΣ⁻¹e of the predicted position at the catch after each of [`FRAMES`], one image set in ten an outlier of
+/// 5 to 20 cm.
 fn squared_errors(shape: &Shape, reference: &Arc<ReferenceModel>, noise: Noise, seed: u64) -> [f64; 2] {
     let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
     let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
@@ -68,7 +69,8 @@ fn squared_errors(shape: &Shape, reference: &Arc<ReferenceModel>, noise: Noise, 
     squares
 }
 
-/// Of thirty throws nine in ten lie within the 95 % ellipsoid, and about half within that of 50 %: neither too sure nor too unsure.
+/// Of thirty throws nine in ten lie within the 95 % ellipsoid, and about half within that of 50 %: neither
+/// too sure nor too unsure.
 #[test]
 fn catches_lie_where_they_are_claimed() {
     let mut squares = Vec::new();

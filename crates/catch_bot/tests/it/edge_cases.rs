@@ -107,7 +107,8 @@ fn one_camera_alone_gives_a_pose_that_knows_what_it_cannot_tell() {
     assert!(bench.off_m(&cold) < 0.02, "{}", bench.off_m(&cold));
 }
 
-/// It flies straight out of all views: while images show enough of it, it is found; when none shows it any more, that is said.
+/// It flies straight out of all views: while images show enough of it, it is found; when none shows it any
+/// more, that is said.
 #[test]
 fn an_object_that_leaves_the_view_is_found_as_long_as_it_is_shown() {
     /// Pixels, over all images, that are always enough to follow it.
@@ -123,7 +124,8 @@ fn an_object_that_leaves_the_view_is_found_as_long_as_it_is_shown() {
         let shown = frames.iter().flat_map(|frame| &frame.depth_m).filter(|depth| depth.is_finite()).count();
         match bench.find(&frames, Some(&last)) {
             Ok(pose) => {
-                // What is left of an object that most images' edges cut off tells little more than where it is.
+                // What is left of an object that most images' edges cut off tells little more than where it
+                // is.
                 let off_m = (pose.X_WO.translation.vector - X_WO.translation.vector).norm();
                 whole = whole.max(pose.points);
                 let limit_m = if 3 * pose.points < whole { bench.reference.radius_m } else { 0.01 };

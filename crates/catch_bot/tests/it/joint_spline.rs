@@ -63,7 +63,8 @@ proptest! {
 }
 
 proptest! {
-    /// With a limit of the jerk every spline keeps it, whatever its ends, and without one it is the same as if it were high.
+    /// With a limit of the jerk every spline keeps it, whatever its ends, and without one it is the same as
+    /// if it were high.
     #[test]
     fn solved_splines_keep_a_limit_of_the_jerk(
         q in -1.5f64..1.5, dq in -1.0f64..1.0, ddq in -5.0f64..5.0,

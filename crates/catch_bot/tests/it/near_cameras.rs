@@ -1,4 +1,5 @@
-//! Tests of images from a few near stereo cameras without masks: edges that bleed, and objects that one camera alone sees.
+//! Tests of images from a few near stereo cameras without masks: edges that bleed, and objects that one
+//! camera alone sees.
 
 use std::{f64::consts::PI, sync::Arc};
 
@@ -150,7 +151,8 @@ fn a_far_object_is_as_far_away_as_its_mean_depth() {
     }
 }
 
-/// A bottle that was taken for upside down is turned over by what all images say, and one that stands right is not.
+/// A bottle that was taken for upside down is turned over by what all images say, and one that stands right
+/// is not.
 #[test]
 fn which_end_is_which_is_decided_by_all_images() {
     let shape = Shape::Bottle;
@@ -186,7 +188,8 @@ fn which_end_is_which_is_decided_by_all_images() {
     }
 }
 
-/// Images of a few milliseconds, each camera's at its own time, tell the pose in the middle as well as simultaneous ones.
+/// Images of a few milliseconds, each camera's at its own time, tell the pose in the middle as well as
+/// simultaneous ones.
 #[test]
 fn a_moving_object_is_seen_at_different_times() {
     let shape = Shape::banana();

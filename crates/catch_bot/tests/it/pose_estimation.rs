@@ -25,8 +25,8 @@ fn find(
     estimator.estimate(&View { frames, cameras, ..View::default() }, prior.copied().into())
 }
 
-/// Tracks from starts that are off by 2 cm and 10°: every pose is found, half of them within the given errors in mm and degrees, all
-/// within four times as much.
+/// Tracks from starts that are off by 2 cm and 10°: every pose is found, half of them within the given errors
+/// in mm and degrees, all within four times as much.
 fn assert_tracked(noise: Noise, config: &Config, [within_mm, within_deg]: [f64; 2]) {
     const TRIALS: usize = 30;
     let cameras = synthetic::flight_rig();

@@ -8,8 +8,8 @@ fn variables() -> impl Strategy<Value = Variables> {
 }
 
 proptest! {
-    /// Karush–Kuhn–Tucker conditions, checked without the solver: no feasible point of a cloud around the solution is
-    /// better, and the solution is feasible.
+    /// Karush–Kuhn–Tucker conditions, checked without the solver: no feasible point of a cloud around the
+    /// solution is better, and the solution is feasible.
     #[test]
     fn solution_is_feasible_and_no_feasible_point_is_better(
         root in prop::collection::vec(-1.0f64..1.0, MAX_VARIABLES * MAX_VARIABLES),

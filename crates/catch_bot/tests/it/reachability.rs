@@ -25,7 +25,8 @@ proptest! {
         prop_assert!(dq >= fast.low - 1e-2 && dq <= fast.high + 1e-2, "{dq} not in {fast:?}");
     }
 
-    /// The extremes are reached: integrating the bang-bang motion arrives at the claimed displacement and velocity.
+    /// The extremes are reached: integrating the bang-bang motion arrives at the claimed displacement and
+    /// velocity.
     #[test]
     fn extreme_velocities_are_attained(v0 in -1.0f64..1.0, time_s in 0.05f64..1.0, fraction in 0.0f64..=1.0) {
         let reach = ReachableSet { start_velocity: v0, velocity: 1.0, acceleration: 5.0, time_s };

@@ -1,5 +1,5 @@
-//! Synthetic depth images of shapes given by formulas, for tests and benches: rays are marched through signed distances, so
-//! nothing here shares code with what is tested.
+//! Synthetic depth images of shapes given by formulas, for tests and benches: rays are marched through signed
+//! distances, so nothing here shares code with what is tested.
 
 #![allow(dead_code, missing_docs, reason = "shared by tests and benches, of which each uses a part")]
 
@@ -108,7 +108,8 @@ impl Normal {
     }
 }
 
-/// Depth noise by name: clean, a constant σ, or stereo at 7 m with f = 362 px, baseline 95 mm and subpixel 0.08.
+/// Depth noise by name: clean, a constant σ, or stereo at 7 m with f = 362 px, baseline 95 mm and subpixel
+/// 0.08.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Noise {
     Clean,

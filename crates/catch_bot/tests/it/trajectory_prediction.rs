@@ -30,8 +30,8 @@ fn throw(normal: &mut Normal, spin_radps: f64, drag_per_m: f64, symmetry: &Symme
     }
 }
 
-/// What is seen of a throw in `count` frames at 100 Hz, with the given standard deviations; a fraction of the frames is
-/// shifted by 5 to 20 cm.
+/// What is seen of a throw in `count` frames at 100 Hz, with the given standard deviations; a fraction of the
+/// frames is shifted by 5 to 20 cm.
 fn seen(
     throw: &FlightTrajectory,
     count: usize,
@@ -134,7 +134,8 @@ fn claimed_uncertainty_holds() {
     }
 }
 
-/// Of a bottle whose ends are confused in four of ten images, the axis is found nevertheless; not so if each image is believed.
+/// Of a bottle whose ends are confused in four of ten images, the axis is found nevertheless; not so if each
+/// image is believed.
 #[test]
 fn confused_ends_leave_the_axis() {
     let (axis, config) = (Vector3::z_axis(), Config::default());
@@ -161,7 +162,8 @@ fn confused_ends_leave_the_axis() {
     assert!(right[0] >= 48 && right[1] < 40, "{right:?}");
 }
 
-/// Spin about the axis of a long object turns it less than spin across it. As long as poses tell nothing of it, that is all that is known.
+/// Spin about the axis of a long object turns it less than spin across it. As long as poses tell nothing of
+/// it, that is all that is known.
 #[test]
 fn what_turns_a_long_round_object_is_less_along_its_axis() {
     let (axis, config) = (Vector3::z_axis(), Config { spin_prior_sd_radps: 8.0, ..Config::default() });
@@ -206,10 +208,11 @@ fn too_little_or_nonsense_gives_a_status() {
     assert!(InformationFit::new(config.clone(), banana(), 0).predict(&poses, None).is_err());
 }
 
-/// Root mean square error at the catch after half the flight, over the Fisher bound with the drag constant unknown.
+/// Root mean square error at the catch after half the flight, over the Fisher bound with the drag constant
+/// unknown.
 ///
-/// The bound's model: a point under gravity and a = −k|v|v, its position seen at 100 Hz with independent normal errors of 0.5 mm
-/// along each axis; (p, v, k) unknown, nothing known beforehand.
+/// The bound's model: a point under gravity and a = −k|v|v, its position seen at 100 Hz with independent
+/// normal errors of 0.5 mm along each axis; (p, v, k) unknown, nothing known beforehand.
 fn drag_against_the_bound(throws: u64) -> f64 {
     let sd_m = 0.0005;
     let config = Config { drag_prior_per_m: Some(0.1), drag_prior_sd_per_m: Some(0.06), ..Config::default() };
@@ -223,7 +226,8 @@ fn drag_against_the_bound(throws: u64) -> f64 {
         let error = throw.pose_at(0.7).translation.vector - flight.pose_at(0.7).translation.vector;
         squares += error.norm_squared();
 
-        // The covariance of (p, v, k) at the start from the derivatives of each position, carried to the catch.
+        // The covariance of (p, v, k) at the start from the derivatives of each position, carried to the
+        // catch.
         let by_start = |time_s: f64| {
             let mut J = nalgebra::SMatrix::<f64, 3, 7>::zeros();
             J.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
@@ -255,8 +259,8 @@ fn drag_is_found_as_well_as_it_can_be() {
     assert!((0.7..1.3).contains(&ratio), "{ratio}");
 }
 
-/// Forces that depend on orientation and spin are found along with the flight: predictions are better than without, and their errors as
-/// large as claimed.
+/// Forces that depend on orientation and spin are found along with the flight: predictions are better than
+/// without, and their errors as large as claimed.
 #[test]
 fn aerodynamic_forces_are_found() {
     let calm = Config { drag_prior_per_m: Some(0.05), drag_prior_sd_per_m: Some(0.01), ..Config::default() };
@@ -289,8 +293,9 @@ fn aerodynamic_forces_are_found() {
     assert!(median[1] < 0.5 * median[0] && (170..=200).contains(&inside), "{median:?}, {inside} of 200 within 95 %");
 }
 
-/// Of throws of a spinning object whose centre of mass is not where its shape has it: how far off the object's position is predicted
-/// 0.3 s later, after 300 ms, in the median, and how many of the true positions lie in the 95 % ellipsoid.
+/// Of throws of a spinning object whose centre of mass is not where its shape has it: how far off the
+/// object's position is predicted 0.3 s later, after 300 ms, in the median, and how many of the true
+/// positions lie in the 95 % ellipsoid.
 fn off_centre(symmetry: &Symmetry, com_O: Vector3<f64>, com_sd_m: Option<f64>, throws: usize) -> (f64, usize) {
     let mut normal = Normal::new(77);
     let config = Config { com_sd_m, spin_prior_sd_radps: 8.3, ..Config::default() };
@@ -339,8 +344,8 @@ fn without_spin_an_unknown_centre_of_mass_costs_nothing() {
     assert!(sd_m.min() > 4e-3, "{sd_m}");
 }
 
-/// A spin that is seen tells the direction of the Magnus force and how fast it decays: with that, positions and orientations are predicted
-/// better than by a force of any direction and noise of the rotation.
+/// A spin that is seen tells the direction of the Magnus force and how fast it decays: with that, positions
+/// and orientations are predicted better than by a force of any direction and noise of the rotation.
 #[test]
 fn a_seen_spin_tells_its_lift_and_its_decay() {
     let of = |aerodynamics: AerodynamicPrior, angular_acceleration: f64| Config {

@@ -1,4 +1,5 @@
-//! Tests of segmentation without labels: recall and precision against what the images truly show, with an arm in them.
+//! Tests of segmentation without labels: recall and precision against what the images truly show, with an arm
+//! in them.
 
 use std::sync::Arc;
 
@@ -24,7 +25,8 @@ pub fn arm() -> (Robot, Gripper) {
     (Robot::from_files(&files).unwrap(), gripper)
 }
 
-/// Images of an object with what the brain knows behind and before it, noise on all of it, and the true masks.
+/// Images of an object with what the brain knows behind and before it, noise on all of it, and the true
+/// masks.
 pub struct Scene<'a> {
     pub cameras: &'a [CameraModel],
     pub surroundings: Surroundings<'a>,

@@ -1,4 +1,5 @@
-//! What one flight tells of all cameras: residuals, derivatives, and the elimination of what is the flight's own.
+//! What one flight tells of all cameras: residuals, derivatives, and the elimination of what is the flight's
+//! own.
 
 use catch_body::Pose;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Point3, SMatrix, Vector3};
@@ -19,7 +20,8 @@ pub const OF_TILT: usize = 2;
 pub const OF_FLIGHT: usize = 7;
 const DRAG: usize = 6;
 
-/// Residuals beyond so many standard deviations count less and less (Huber), and beyond so many more not at all.
+/// Residuals beyond so many standard deviations count less and less (Huber), and beyond so many more not at
+/// all.
 const HUBER_SD: f64 = 3.0;
 const OUTLIER_SD: f64 = 6.0;
 /// Sightings that are all within this time, in seconds, tell of no flight.
@@ -154,7 +156,8 @@ impl FlightState {
         rows
     }
 
-    /// The sighting (1 + s)·q + b with q = X_CW·p(t) and the registration's offset b. A camera that moves by exp(ω, v) sees q + q × ω − v.
+    /// The sighting (1 + s)·q + b with q = X_CW·p(t) and the registration's offset b. A camera that moves by
+    /// exp(ω, v) sees q + q × ω − v.
     fn row(&self, it: &Seen, camera: &CameraState, motion: &Motion) -> Row {
         let q = camera.X_WC.inverse_transform_point(&motion.p.into()).coords;
         let scale = 1.0 + camera.depth_scale;

@@ -42,7 +42,8 @@ impl Motion {
         Self { p, v, dp: Derivatives::zeros(), dv }
     }
 
-    /// The motion so much later, or earlier: Runge–Kutta of fourth order, the derivatives together with the state.
+    /// The motion so much later, or earlier: Runge–Kutta of fourth order, the derivatives together with the
+    /// state.
     pub fn after(&self, duration_s: f64, law: &Law) -> Self {
         let steps = (duration_s.abs() / STEP_S).ceil().min(MOST_STEPS);
         let h = duration_s / steps.max(1.0);

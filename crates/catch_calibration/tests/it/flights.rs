@@ -187,8 +187,8 @@ fn root_mean_square(values: &[f64]) -> f64 {
     (values.iter().map(|it| it * it).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// Errors that cameras do not have in common shrink, what is claimed covers the errors that are left, and what all have in common is still
-/// claimed.
+/// Errors that cameras do not have in common shrink, what is claimed covers the errors that are left, and
+/// what all have in common is still claimed.
 #[test]
 fn flights_tell_how_cameras_stand_to_each_other_and_claim_no_more() {
     const DRAWS: u64 = 100;
@@ -250,7 +250,8 @@ fn outliers_do_not_count() {
     }
 }
 
-/// However large the noise is, nothing is claimed to be less certain than before, nor more certain than with less noise.
+/// However large the noise is, nothing is claimed to be less certain than before, nor more certain than with
+/// less noise.
 #[test]
 fn noise_that_nobody_said_makes_claims_larger_but_not_larger_than_before() {
     let mut random = Random::new(8);

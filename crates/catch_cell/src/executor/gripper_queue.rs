@@ -13,8 +13,8 @@ pub struct GripperQueue {
 }
 
 impl GripperQueue {
-    /// Replaces all moves that have not started at `now_s`. One that should have started starts at once; one whose start or width
-    /// is not finite, or whose speed or force is not above zero, is rejected.
+    /// Replaces all moves that have not started at `now_s`. One that should have started starts at once; one
+    /// whose start or width is not finite, or whose speed or force is not above zero, is rejected.
     pub fn receive(&mut self, moves: &[GripperMove], now_s: f64) {
         self.pending.retain(|(start_s, _)| *start_s < now_s - SAME_TIME_S);
         for step in moves {
@@ -29,8 +29,8 @@ impl GripperQueue {
         self.pending.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.start_s.total_cmp(&b.1.start_s)));
     }
 
-    /// Takes out the soonest move if it has started by `time_s`. `begins_s` is when the fingers begin a move that starts at a
-    /// time, for a gripper that takes a while.
+    /// Takes out the soonest move if it has started by `time_s`. `begins_s` is when the fingers begin a move
+    /// that starts at a time, for a gripper that takes a while.
     pub fn take_due(&mut self, time_s: f64, begins_s: impl Fn(f64) -> f64) -> Option<GripperMove> {
         let (start_s, step) = *self.pending.first()?;
         if begins_s(start_s) > time_s + SAME_TIME_S {
@@ -66,7 +66,8 @@ mod tests {
         queue.receive(&[step(0.4, 0.02), step(f64::NAN, 0.0), step(0.5, f64::INFINITY)], 0.25);
         assert_eq!((widths(&mut queue, 0.35), queue.rejected()), (vec![], 2));
         assert_eq!(widths(&mut queue, 0.4), [0.02]);
-        // What has started is executed, and the list that follows it as well; an empty list replaces by nothing.
+        // What has started is executed, and the list that follows it as well; an empty list replaces by
+        // nothing.
         queue.receive(&[step(0.5, 0.03)], 0.45);
         queue.receive(&[step(0.1, 0.05), step(0.6, 0.01)], 0.55);
         assert_eq!(widths(&mut queue, 0.56), [0.03, 0.05]);

@@ -10,7 +10,8 @@ use crate::{
 
 /// What a ratio may exceed 1 by: rounding in whoever computed the trajectory.
 const ROUNDING: f64 = 1e-9;
-/// How finely torques, and velocities whose limits depend on the position, are sampled between knots, where they are smooth.
+/// How finely torques, and velocities whose limits depend on the position, are sampled between knots, where
+/// they are smooth.
 const SAMPLE_INTERVAL_S: f64 = 4e-3;
 
 const KINDS: [LimitKind; 6] = [
@@ -31,10 +32,10 @@ pub struct PeakRatios {
 }
 
 impl PeakRatios {
-    /// Of a valid spline. Positions, velocities, accelerations and jerks are exact: between knots they are polynomials. Torques are
-    /// those of inverse dynamics, sampled at the knots, on both sides of them, and densely between, and so are the speed of the hand and
-    /// velocities whose limits depend on the position; `robot` should carry its gripper.
-    /// Where the acceleration jumps the jerk is infinite.
+    /// Of a valid spline. Positions, velocities, accelerations and jerks are exact: between knots they are
+    /// polynomials. Torques are those of inverse dynamics, sampled at the knots, on both sides of them, and
+    /// densely between, and so are the speed of the hand and velocities whose limits depend on the position;
+    /// `robot` should carry its gripper. Where the acceleration jumps the jerk is infinite.
     pub fn of(robot: &Robot, spline: &BSpline) -> Self {
         let nothing = [JointVector::zeros(); KINDS.len()];
         let mut peaks = Self { dof: robot.dof(), ratio: nothing, time_s: nothing };
@@ -68,8 +69,9 @@ impl PeakRatios {
         peaks
     }
 
-    /// One joint between two knots, from position, velocity and acceleration at both. Over the time s since the first the
-    /// velocity is v + a·s + j·s²/2 and highest where the acceleration vanishes, the position where the velocity does.
+    /// One joint between two knots, from position, velocity and acceleration at both. Over the time s since
+    /// the first the velocity is v + a·s + j·s²/2 and highest where the acceleration vanishes, the position
+    /// where the velocity does.
     fn note_span(&mut self, robot: &Robot, i: usize, start_s: f64, width_s: f64, [first, last]: [[f64; 3]; 2]) {
         let limits = &robot.joints[i].limits;
         let [q, v, a] = first;
@@ -124,7 +126,8 @@ mod tests {
     use catch_body::velocity_table::VelocityTable;
     use proptest::prelude::*;
 
-    /// An arm whose limits differ from joint to joint, those of position on both sides too, and state the jerk.
+    /// An arm whose limits differ from joint to joint, those of position on both sides too, and state the
+    /// jerk.
     fn arm() -> Robot {
         let mut robot = robot();
         for (joint, i) in robot.joints.iter_mut().zip(0..) {
@@ -153,7 +156,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
-        /// Against a dense sampling, which lies below the exact peaks by little. Accelerations peak at knots, which are among the samples.
+        /// Against a dense sampling, which lies below the exact peaks by little. Accelerations peak at knots,
+        /// which are among the samples.
         #[test]
         fn peaks_are_those_of_a_dense_sampling(
             spans in prop::collection::vec(0.05f64..0.3, 1..6),

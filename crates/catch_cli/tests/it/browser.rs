@@ -1,7 +1,8 @@
-//! The pages in a real browser: they open from a disk, complain about nothing, ask no network for anything, and move.
+//! The pages in a real browser: they open from a disk, complain about nothing, ask no network for anything,
+//! and move.
 //!
-//! Needs Chromium (Debian: `apt-get install chromium`); without it these tests say so and pass, but fail in CI. Screenshots stay in
-//! `target/tmp/screenshots`.
+//! Needs Chromium (Debian: `apt-get install chromium`); without it these tests say so and pass, but fail in
+//! CI. Screenshots stay in `target/tmp/screenshots`.
 
 use std::{
     env, fs,
@@ -89,10 +90,12 @@ fn assert_refers_to_nothing(page: &str) {
     }
 }
 
-/// Stands before the scripts of a page: what waits for a frame is done at once, so that no browser, however slow, is asked before.
+/// Stands before the scripts of a page: what waits for a frame is done at once, so that no browser, however
+/// slow, is asked before.
 const AT_ONCE: &str = "<script>window.requestAnimationFrame = (draw) => draw(performance.now());</script></head>";
 
-/// Moves the slider and counts the pixels that change, the thrown object taken away; writes what it found into the page.
+/// Moves the slider and counts the pixels that change, the thrown object taken away; writes what it found
+/// into the page.
 const DRIVER: &str = "<script>{
   const found = document.body.dataset;
   for (const [name] of LAYERS) toggle(name, false);

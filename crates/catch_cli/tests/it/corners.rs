@@ -1,5 +1,6 @@
-//! Settings at the ends of their ranges, two to six at once: whatever is written of such throws can be read again, and nothing is caught
-//! that no plan caught. A dozen throws belong to the suite; as many as one likes are tried by
+//! Settings at the ends of their ranges, two to six at once: whatever is written of such throws can be read
+//! again, and nothing is caught that no plan caught. A dozen throws belong to the suite; as many as one likes
+//! are tried by
 //!
 //! ```sh
 //! CATCHINGBOT_CORNERS=1000 cargo test --release -p catch_cli --test it corners -- --ignored --nocapture

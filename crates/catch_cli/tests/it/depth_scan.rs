@@ -18,8 +18,8 @@ height_px = 240
 vertical_fov_deg = 30.0
 ";
 
-/// Writes a scan of `mesh`, which is in metres, to a folder that is not there yet. Pixels beside the object show a wall every other
-/// image, otherwise nothing.
+/// Writes a scan of `mesh`, which is in metres, to a folder that is not there yet. Pixels beside the object
+/// show a wall every other image, otherwise nothing.
 pub fn write(folder: &Path, mesh: &TriangleMesh) {
     fs::create_dir(folder).unwrap();
     fs::write(folder.join("rig.toml"), RIG).unwrap();

@@ -1,5 +1,6 @@
-//! Every block of code of README, tutorial and how-tos runs: `sh` and `python` here, page by page in a folder of its own, `rust` as a
-//! doctest of `catch_lab`. Blocks of `toml` are read; what is `text` is output, or a command that no test can run.
+//! Every block of code of README, tutorial and how-tos runs: `sh` and `python` here, page by page in a folder
+//! of its own, `rust` as a doctest of `catch_lab`. Blocks of `toml` are read; what is `text` is output, or a
+//! command that no test can run.
 
 use std::{
     env, fs,
@@ -13,7 +14,8 @@ use nalgebra::Vector3;
 
 use crate::{depth_scan, skipped_without};
 
-/// Stands for cargo: what it would build is there already. CI itself runs the two commands of the README and all examples.
+/// Stands for cargo: what it would build is there already. CI itself runs the two commands of the README and
+/// all examples.
 const CARGO: &str = r#"#!/bin/sh
 case "$*" in
     "build --release" | "test --workspace --release" | "install --locked --path crates/catch_cli") ;;

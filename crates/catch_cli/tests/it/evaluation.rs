@@ -1,4 +1,5 @@
-//! Evaluations: the same rows whatever the number of threads, also killed, resumed and shared out, and nothing lost by a mistake.
+//! Evaluations: the same rows whatever the number of threads, also killed, resumed and shared out, and
+//! nothing lost by a mistake.
 
 use std::{
     fs,
@@ -260,7 +261,8 @@ fn parts_of_a_study_merge() {
     assert!(stderr(&output).contains("study.toml"), "{}", stderr(&output));
 }
 
-/// Without `--out` a study does not meet the results of another evaluation, and trials that repeat one throw are told as such.
+/// Without `--out` a study does not meet the results of another evaluation, and trials that repeat one throw
+/// are told as such.
 #[test]
 fn evaluations_and_studies_go_into_folders_of_their_own() {
     let folder = tempfile::tempdir().unwrap();
@@ -312,7 +314,8 @@ fn what_an_arm_could_have_reached_is_told_of_every_arm() {
 #[test]
 fn where_nothing_can_be_written_it_says_so() {
     let folder = tempfile::tempdir().unwrap();
-    // No folder can be made where a file is, whoever asks; a folder that is read-only does not stop an administrator.
+    // No folder can be made where a file is, whoever asks; a folder that is read-only does not stop an
+    // administrator.
     let file = folder.path().join("file");
     fs::write(&file, "").unwrap();
     let output = eval(&file.join("out"), &["--trials", "1"]);

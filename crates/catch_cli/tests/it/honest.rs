@@ -152,8 +152,8 @@ fn a_study_goes_on_where_it_was() {
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
 }
 
-/// One command arrives 5 ms late and its trajectory is refused, and so is what goes on from it, until the brain notices what the
-/// arm follows.
+/// One command arrives 5 ms late and its trajectory is refused, and so is what goes on from it, until the
+/// brain notices what the arm follows.
 #[test]
 fn a_brain_whose_trajectory_was_refused_goes_on_from_what_the_arm_follows() {
     let setup = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap();
@@ -179,7 +179,8 @@ fn a_brain_whose_trajectory_was_refused_goes_on_from_what_the_arm_follows() {
     );
 }
 
-/// How often, in ten throws of tumbling bananas, another catch is chosen: one that holds another part of the object, or holds it otherwise.
+/// How often, in ten throws of tumbling bananas, another catch is chosen: one that holds another part of the
+/// object, or holds it otherwise.
 fn changes_of_catch(switching_hysteresis: f64) -> usize {
     let settings = [format!("brain.control.switching_hysteresis={switching_hysteresis}")];
     let choice = Choice { scenario: Some("honest"), object: Some("banana"), settings: &settings, ..Choice::default() };

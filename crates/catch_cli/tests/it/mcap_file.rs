@@ -28,8 +28,8 @@ fn decode(message: &mcap::Message) -> Value {
     decoded.serialize_with_options(serde_json::value::Serializer, &options).unwrap()
 }
 
-/// `foxglove_fields.txt` has message, field, number and type of each field as Foxglove publishes them, written down from the
-/// descriptors in their Python package `foxglove-schemas-protobuf` 0.4.0.
+/// `foxglove_fields.txt` has message, field, number and type of each field as Foxglove publishes them,
+/// written down from the descriptors in their Python package `foxglove-schemas-protobuf` 0.4.0.
 #[test]
 fn fields_are_those_that_foxglove_publishes() {
     let published: BTreeSet<String> = include_str!("foxglove_fields.txt").lines().map(str::to_owned).collect();

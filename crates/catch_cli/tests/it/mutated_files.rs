@@ -1,7 +1,8 @@
-//! Whatever a file holds that the program accepts, the command that uses it ends with finite results; whatever it refuses, it says why.
+//! Whatever a file holds that the program accepts, the command that uses it ends with finite results;
+//! whatever it refuses, it says why.
 //!
-//! Files of every kind are changed at random, always in the same way. Some belong to the suite; as many of each kind as one likes are
-//! tried by
+//! Files of every kind are changed at random, always in the same way. Some belong to the suite; as many of
+//! each kind as one likes are tried by
 //!
 //! ```sh
 //! CATCHINGBOT_MUTATIONS=800 cargo test --release -p catch_cli --test it mutated_files -- --ignored --nocapture

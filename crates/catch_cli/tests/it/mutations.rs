@@ -1,7 +1,8 @@
-//! Whatever a file holds, its loader neither panics nor hangs nor swells, and a refusal says what would be right.
+//! Whatever a file holds, its loader neither panics nor hangs nor swells, and a refusal says what would be
+//! right.
 //!
-//! Files of every kind are changed at random, always in the same way. Some thousands of changes belong to the suite; as many as one
-//! likes are tried by
+//! Files of every kind are changed at random, always in the same way. Some thousands of changes belong to the
+//! suite; as many as one likes are tried by
 //!
 //! ```sh
 //! CATCHINGBOT_MUTATIONS=20000 cargo test --release -p catch_cli --test it mutations -- --ignored --nocapture
@@ -107,7 +108,8 @@ fn tried(kind: &str, count: u64, load: &Load) -> Outcome {
     outcome
 }
 
-/// CPU time of this thread in milliseconds, which other programs do not disturb; zero where it cannot be told.
+/// CPU time of this thread in milliseconds, which other programs do not disturb; zero where it cannot be
+/// told.
 fn cpu_ms() -> f64 {
     #[cfg(unix)]
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);

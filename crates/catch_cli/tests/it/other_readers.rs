@@ -1,5 +1,5 @@
-//! What other programs read of what is written here, and what they read in files that are read here: Pinocchio, yourdfpy and mcap, where
-//! pip has put them.
+//! What other programs read of what is written here, and what they read in files that are read here:
+//! Pinocchio, yourdfpy and mcap, where pip has put them.
 
 mod descriptions;
 
@@ -14,8 +14,8 @@ use catch_body::{JointVector, Robot, robot_file::RobotFiles};
 
 use crate::{catchingbot, robot_import::package, skipped_without, stderr};
 
-/// Runs a script in Python with what is installed for the tests, `input` on its standard input; `None`, and a word, where a package
-/// that it imports is missing.
+/// Runs a script in Python with what is installed for the tests, `input` on its standard input; `None`, and a
+/// word, where a package that it imports is missing.
 fn python(packages: &str, script: &str, input: &str) -> Option<String> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/python");
     // Folders of packages that others point to count, too.
@@ -40,7 +40,8 @@ fn python(packages: &str, script: &str, input: &str) -> Option<String> {
     Some(String::from_utf8(output.stdout).unwrap())
 }
 
-/// Prints the names of a robot's joints, their limits, and where its last link is, all joints at a tenth of a radian.
+/// Prints the names of a robot's joints, their limits, and where its last link is, all joints at a tenth of a
+/// radian.
 const LOAD: &str = r#"
 import io, json, sys
 import numpy, pinocchio, yourdfpy

@@ -21,8 +21,8 @@ fn vector(value: &Value) -> Vector3<f64> {
     Vector3::from_iterator(value.as_array().unwrap().iter().map(|it| it.as_f64().unwrap()))
 }
 
-/// Position and velocity after each hundredth of a second under gravity along −z and quadratic drag, by fine steps of
-/// Heun's method.
+/// Position and velocity after each hundredth of a second under gravity along −z and quadratic drag, by fine
+/// steps of Heun's method.
 fn flight(drag_per_m: f64, count: usize) -> Vec<(Vector3<f64>, Vector3<f64>)> {
     let acceleration = |v: &Vector3<f64>| Vector3::new(0.0, 0.0, -9.81) - v * (drag_per_m * v.norm());
     let (mut p, mut v, h) = (Vector3::new(1.6, 1.6, 0.5), Vector3::new(-2.0, -3.0, 4.0), 1e-4);

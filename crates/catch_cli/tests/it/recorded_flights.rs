@@ -13,8 +13,8 @@ fn json(arguments: &[&str]) -> Value {
     serde_json::from_str(&stdout(&output)).unwrap()
 }
 
-/// A tumbling object with drag by direction, 15 mm beside whose centre of mass a point is tracked at 100 Hz; y is up. Another
-/// throw for each number; bounces from a floor, if there is one.
+/// A tumbling object with drag by direction, 15 mm beside whose centre of mass a point is tracked at 100 Hz;
+/// y is up. Another throw for each number; bounces from a floor, if there is one.
 fn write_throw(path: &Path, number: u32, rows: u32, floor_m: f64, unit_m: f64) -> [f64; 3] {
     let turn = f64::from(number);
     let drag = Matrix3::from_diagonal(&Vector3::new(0.1, 0.06, 0.03));

@@ -19,7 +19,8 @@ fn document(arguments: &[&str]) -> Value {
     serde_json::from_str(&stdout(&output)).unwrap()
 }
 
-/// The page, the replay and the MCAP file of a cell that is not the arena: what was sensed and predicted, and nothing invented.
+/// The page, the replay and the MCAP file of a cell that is not the arena: what was sensed and predicted, and
+/// nothing invented.
 #[test]
 fn a_recording_without_ground_truth_is_viewed_replayed_and_converted() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,6 @@
-//! The pages of `docs/reference` that are generated from doc comments, defaults, ranges and the command line's own help. They are
-//! compared here, and written anew by `UPDATE=1 cargo test --release -p catch_cli --test it reference`.
+//! The pages of `docs/reference` that are generated from doc comments, defaults, ranges and the command
+//! line's own help. They are compared here, and written anew by
+//! `UPDATE=1 cargo test --release -p catch_cli --test it reference`.
 
 mod doc_comments;
 mod sections;

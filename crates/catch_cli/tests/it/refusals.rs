@@ -1,4 +1,5 @@
-//! Files and arguments that once made the program panic, hang, swell or call nonsense right, and how refusals are told.
+//! Files and arguments that once made the program panic, hang, swell or call nonsense right, and how refusals
+//! are told.
 
 use std::{fs, process::Command};
 

@@ -1,4 +1,5 @@
-//! `robot import`: from a description that somebody else published to a robot of this project, with one command.
+//! `robot import`: from a description that somebody else published to a robot of this project, with one
+//! command.
 
 use std::{
     fs,
@@ -30,7 +31,8 @@ fn joint(name: &str, kind: &str, [parent, child]: [&str; 2], xyz: &str, rest: &s
 const TURNS: &str = "<axis xyz=\"0 0 1\"/><limit lower=\"-2\" upper=\"2\" velocity=\"3\" effort=\"80\"/>";
 const BENDS: &str = "<axis xyz=\"0 1 0\"/><limit lower=\"-2\" upper=\"2\" velocity=\"3\" effort=\"80\"/>";
 
-/// An arm on a stand, with a sensor in a fixed joint, a joint without end, one without torque, and a hand with two fingers.
+/// An arm on a stand, with a sensor in a fixed joint, a joint without end, one without torque, and a hand
+/// with two fingers.
 fn description() -> String {
     let mut text = "<robot name=\"arm\">\n<link name=\"world\"/>\n".to_owned();
     for (name, mass) in

@@ -1,4 +1,5 @@
-//! Names and texts that others chose are shown, not obeyed: by terminals, spreadsheets and readers of Markdown.
+//! Names and texts that others chose are shown, not obeyed: by terminals, spreadsheets and readers of
+//! Markdown.
 
 use std::fs;
 

@@ -1,4 +1,5 @@
-//! Wrong input gets one clear message (what is wrong, where, what would be right), exit code 2, and leaves nothing behind.
+//! Wrong input gets one clear message (what is wrong, where, what would be right), exit code 2, and leaves
+//! nothing behind.
 
 use std::{
     fs,

@@ -11,7 +11,8 @@ pub fn add(frame: &mut DepthFrame, sd_per_m: f64, draws: &mut Draws) {
     let (wide, high) = (frame.window.width as usize, frame.window.height as usize);
     let (padded_wide, padded_high) = (wide + 2 * REACH, high + 2 * REACH);
     let side = 2 * REACH + 1;
-    // A uniform number has the standard deviation √(1/12), and the mean of as many as the square has of 1/side of it.
+    // A uniform number has the standard deviation √(1/12), and the mean of as many as the square has of
+    // 1/side of it.
     let scale = sd_per_m * 12.0_f64.sqrt() / side as f64;
     let white: Vec<f64> = (0..padded_wide * padded_high).map(|_| draws.unit() - 0.5).collect();
     let in_rows: Vec<f64> =

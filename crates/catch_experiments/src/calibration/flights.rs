@@ -52,7 +52,8 @@ impl Stage {
     }
 }
 
-/// What flights make of a calibration in a scene whose clocks are off; they are `observed` once for all conditions.
+/// What flights make of a calibration in a scene whose clocks are off; they are `observed` once for all
+/// conditions.
 pub fn refined(
     setup: &Setup,
     (mut calibration, clocks): (Calibration, &[f64]),

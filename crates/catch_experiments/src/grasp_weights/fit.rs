@@ -111,8 +111,8 @@ fn moments(observations: &[&Observation]) -> ([f64; FEATURES], [f64; FEATURES]) 
     (mean, sd)
 }
 
-/// The probability of each observation by a model of the other folds' objects: every object is in one of `folds`,
-/// in the order of their names.
+/// The probability of each observation by a model of the other folds' objects: every object is in one of
+/// `folds`, in the order of their names.
 ///
 /// # Errors
 /// As [`Model::fit`].

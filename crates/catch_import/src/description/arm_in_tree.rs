@@ -24,7 +24,8 @@ impl Chain {
     /// Finds the arm in a description.
     ///
     /// # Errors
-    /// If there is none, more than one, or one with joints that are not revolute; a link of the selection that does not exist.
+    /// If there is none, more than one, or one with joints that are not revolute; a link of the selection
+    /// that does not exist.
     pub fn of(description: &Description, selection: &Selection) -> Result<Self, InputError> {
         Tree::new(description).chain(selection)
     }
@@ -128,8 +129,8 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// Whether the last joint of an arm can be no jaw: it turns far or both ways alike, it carries something, or it bears its link
-    /// in the middle.
+    /// Whether the last joint of an arm can be no jaw: it turns far or both ways alike, it carries something,
+    /// or it bears its link in the middle.
     fn is_no_jaw(&self, last: &TreeJoint) -> Result<(), InputError> {
         let is_end = self.description.joints_of(&last.child).is_empty();
         let Some([lower, upper]) = last.range.filter(|_| is_end) else { return Ok(()) };

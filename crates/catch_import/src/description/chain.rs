@@ -1,4 +1,5 @@
-//! The serial arm within a tree of links: the path to its tip, fixed joints folded into rigid bodies, fingers taken off.
+//! The serial arm within a tree of links: the path to its tip, fixed joints folded into rigid bodies, fingers
+//! taken off.
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -69,7 +70,8 @@ pub struct Fingers {
 impl Chain {
     /// Directions in F of the gripper's approach and of its fingers' closing.
     ///
-    /// The approach is the axis of F that is nearest to the last joint's, z where it is among them, away from the arm.
+    /// The approach is the axis of F that is nearest to the last joint's, z where it is among them, away from
+    /// the arm.
     pub fn mount_axes(&self) -> [Vector3<f64>; 2] {
         let last = self.joints.last().map_or_else(Vector3::z_axis, |it| it.joint.axis);
         let along_F = self.X_LF.rotation.inverse() * last.into_inner();

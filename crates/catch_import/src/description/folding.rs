@@ -12,7 +12,8 @@ use super::{
 };
 use catch_body::Pose;
 
-/// Words in the names of frames at which grippers are mounted, the best first (ROS-Industrial's `tool0`, REP 199's `flange`).
+/// Words in the names of frames at which grippers are mounted, the best first (ROS-Industrial's `tool0`, REP
+/// 199's `flange`).
 const FLANGE_WORDS: [&str; 9] = ["tool0", "flange", "tool", "ee", "eef", "effector", "endeffector", "tcp", "mount"];
 
 /// Why an arm ends.
@@ -114,7 +115,8 @@ impl<'a> Tree<'a> {
         (body, poses)
     }
 
-    /// The frame of the last body that its name says a gripper is mounted at; otherwise its only end, or the body's own.
+    /// The frame of the last body that its name says a gripper is mounted at; otherwise its only end, or the
+    /// body's own.
     fn flange(&self, last_link: &'a str, X_BL: &BTreeMap<&'a str, Pose>) -> &'a str {
         let rank = |name: &str| {
             let words = words(name);

@@ -142,7 +142,8 @@ pub fn is_driven(joint: &TreeJoint) -> bool {
     joint.kind == JointKind::Revolute && joint.mimics.is_none()
 }
 
-/// Whether a joint moves, or did before somebody fixed it: fingers are often fixed where only the arm is to move.
+/// Whether a joint moves, or did before somebody fixed it: fingers are often fixed where only the arm is to
+/// move.
 pub fn can_move(joint: &TreeJoint, description: &Description) -> bool {
     let has_shape = || {
         let link = description.links.get(&joint.child);

@@ -1,6 +1,7 @@
 //! The edges of a surface, and the triangles that meet there.
 
-/// A side of a triangle: its lower and its higher vertex, and its number, three times that of the triangle and that of its start.
+/// A side of a triangle: its lower and its higher vertex, and its number, three times that of the triangle
+/// and that of its start.
 pub(super) type Side = (u32, u32, u32);
 
 /// Sides of triangles, edge by edge.

@@ -94,12 +94,13 @@ fn width_m(rim: &[Point3<f64>]) -> f64 {
     if length_m > 0.0 { 4.0 * area_m2 / length_m } else { 0.0 }
 }
 
-/// The triangulation of a polygon in space whose triangles have the least area together, by corners (Barequet & Sharir, Filling gaps in the
-/// boundary of a polyhedron, 1995).
+/// The triangulation of a polygon in space whose triangles have the least area together, by corners (Barequet
+/// & Sharir, Filling gaps in the boundary of a polyhedron, 1995).
 fn least_area(rim: &[Point3<f64>]) -> impl Iterator<Item = [usize; 3]> {
     let count = rim.len();
     let area = |a: usize, b: usize, c: usize| (rim[b] - rim[a]).cross(&(rim[c] - rim[a])).norm();
-    // For each stretch of the rim the least area between it and its chord, and the corner opposite to the chord.
+    // For each stretch of the rim the least area between it and its chord, and the corner opposite to the
+    // chord.
     let mut best = vec![(0.0, 0); count * count];
     for length in 2..count {
         for from in 0..count - length {

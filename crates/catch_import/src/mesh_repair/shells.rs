@@ -31,7 +31,8 @@ pub(super) fn drop_specks(mesh: &mut TriangleMesh, shell_of: Vec<u32>, size_m: f
     specks.len()
 }
 
-/// Turns shells outwards and leaves out those inside another one; cavities face inwards and stay. How many of each.
+/// Turns shells outwards and leaves out those inside another one; cavities face inwards and stay. How many of
+/// each.
 pub(super) fn face_outwards(mesh: &mut TriangleMesh, shell_of: &[u32]) -> (usize, usize) {
     let count = shell_of.iter().max().map_or(0, |last| *last as usize + 1);
     let mut turned = 0;
@@ -178,8 +179,8 @@ impl Shell {
     }
 }
 
-/// Signed solid angle of a triangle as seen from `at`, positive where its back is seen (Van Oosterom & Strackee, The solid angle of a
-/// plane triangle, 1983).
+/// Signed solid angle of a triangle as seen from `at`, positive where its back is seen (Van Oosterom &
+/// Strackee, The solid angle of a plane triangle, 1983).
 fn solid_angle(at: &Point3<f64>, corners: &[Point3<f64>; 3]) -> f64 {
     let [a, b, c] = corners.map(|corner| corner - at);
     let [l, m, n] = [a.norm(), b.norm(), c.norm()];

@@ -14,7 +14,8 @@ use super::scan;
 use catch_lab::png;
 use catch_recording::bounded_file::FileKind;
 
-/// The file that makes a folder of images a scan: poses in the frame R, whose origin is in or near the object.
+/// The file that makes a folder of images a scan: poses in the frame R, whose origin is in or near the
+/// object.
 pub(super) const RIG: &str = "rig.toml";
 /// Files of a folder that are looked at.
 const MOST_FILES: usize = 10_000;
@@ -35,7 +36,8 @@ const MOST_CONTRADICTING: f64 = 0.15;
 /// An image, by its extension.
 const IMAGE: FileKind = FileKind::geometry("a depth image: a PNG file with 16 bits of gray");
 
-/// The surface that the images of a folder show, in units of `scale` metres if that is given, else in metres, and what was found on the way.
+/// The surface that the images of a folder show, in units of `scale` metres if that is given, else in metres,
+/// and what was found on the way.
 ///
 /// # Errors
 /// What is wrong with the rig or an image, another number of images than of cameras, no object at the origin.
@@ -107,8 +109,8 @@ fn contradicting(cameras: &[CameraModel], frames: &[DepthFrame]) -> f64 {
     if seen == 0 { 0.0 } else { through as f64 / seen as f64 }
 }
 
-/// Depths in metres, NaN where there are none, each the mean of those around it that lie on a line through it: steps and noise would turn
-/// the surface. What lies on one side only, as at an edge, would shift it.
+/// Depths in metres, NaN where there are none, each the mean of those around it that lie on a line through
+/// it: steps and noise would turn the surface. What lies on one side only, as at an edge, would shift it.
 fn smoothed(depths: &[u16], width: usize, unit_m: f64) -> Vec<f32> {
     let reach = -SMOOTHING_PX..=SMOOTHING_PX;
     let steps: Vec<(isize, isize)> =

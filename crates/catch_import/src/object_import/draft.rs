@@ -11,7 +11,8 @@ use super::mass::Stated;
 const AIR_KGPM3: f64 = 1.2;
 /// Drag coefficient of something that tumbles; blunt bodies have about this one.
 const DRAG_COEFFICIENT: f64 = 0.9;
-/// Standard deviation of each coordinate of the centre of mass about that of uniform density, which few objects have.
+/// Standard deviation of each coordinate of the centre of mass about that of uniform density, which few
+/// objects have.
 const COM_SD_M: f64 = 0.005;
 /// What nobody says of impacts.
 const RESTITUTION: f64 = 0.4;

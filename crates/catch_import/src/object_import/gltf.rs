@@ -1,6 +1,7 @@
 //! Reads the triangles of glTF 2.0 files (`.gltf` and `.glb`), placed by the nodes of their scene.
 //!
-//! Lengths are in metres and y points up, as the format says; what is read has z up, as descriptions of robots mean such files.
+//! Lengths are in metres and y points up, as the format says; what is read has z up, as descriptions of
+//! robots mean such files.
 
 use std::{
     borrow::Cow,

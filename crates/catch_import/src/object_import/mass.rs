@@ -3,11 +3,13 @@
 use catch_body::{TriangleMesh, quantity, robot::Inertia};
 use nalgebra::{Matrix3, Point3, Vector3};
 
-/// What something weighs of which nobody says it, per m³: fruit, full bottles and boxes are near water, hollow things are lighter.
+/// What something weighs of which nobody says it, per m³: fruit, full bottles and boxes are near water,
+/// hollow things are lighter.
 const ASSUMED_KGPM3: f64 = 500.0;
 /// A stated moment of inertia is that of the shape within this factor.
 const INERTIA_FACTOR: f64 = 2.5;
-/// A centre of mass that nobody measured is not believed if the shape's is further off than this fraction of its length.
+/// A centre of mass that nobody measured is not believed if the shape's is further off than this fraction of
+/// its length.
 const OFF: f64 = 0.05;
 
 /// Mass properties for an object's file.
@@ -114,7 +116,8 @@ impl Stated {
     }
 }
 
-/// Whether all moments are written with one digit, which may be off by half of itself: the shape tells them better.
+/// Whether all moments are written with one digit, which may be off by half of itself: the shape tells them
+/// better.
 fn has_one_digit(inertia: &Matrix3<f64>) -> bool {
     inertia.diagonal().iter().all(|&moment| {
         let rounded: f64 = format!("{moment:.0e}").parse().unwrap_or(f64::NAN);

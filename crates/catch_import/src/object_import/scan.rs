@@ -12,7 +12,8 @@ const SPACING_M: f64 = 0.0015;
 /// How far beyond the thinned points of a model, on both sides together, the surface may be.
 const ROOM_M: f64 = 0.01;
 
-/// The surface where the signed distance of the cloud is zero, in the cloud's own unit of `scale` metres, and what was found on the way.
+/// The surface where the signed distance of the cloud is zero, in the cloud's own unit of `scale` metres, and
+/// what was found on the way.
 ///
 /// # Errors
 /// Too few points, lengths that nothing to throw has, or points between which there is no inside.
@@ -31,7 +32,8 @@ pub(super) fn surface(file: &str, mut cloud: CloudFile, scale: f64) -> Result<(T
     between(file, &reference, scale, findings)
 }
 
-/// Whether the normals of a cloud all around something face its inside: by the divergence theorem Σ n·(p − c) is three times a volume.
+/// Whether the normals of a cloud all around something face its inside: by the divergence theorem Σ n·(p − c)
+/// is three times a volume.
 fn face_inwards(cloud: &CloudFile) -> bool {
     let (low, high) = bounds(&cloud.points);
     let centre = (low + high) / 2.0;
@@ -65,7 +67,8 @@ pub(super) fn between(
     Ok((mesh, findings))
 }
 
-/// One point per cube of the edge [`SPACING_M`]: where points lie much closer than others their noise would bend the surface.
+/// One point per cube of the edge [`SPACING_M`]: where points lie much closer than others their noise would
+/// bend the surface.
 fn thinned(cloud: CloudFile) -> CloudFile {
     let mut known = HashSet::new();
     let cube = |it: &Point3<f64>| <[i64; 3]>::from(it.coords.map(|value| (value / SPACING_M).floor() as i64));

@@ -1,4 +1,5 @@
-//! What an object is imported from: the triangles of a mesh, or a link with all that its description says of it.
+//! What an object is imported from: the triangles of a mesh, or a link with all that its description says of
+//! it.
 
 use std::{
     fs,

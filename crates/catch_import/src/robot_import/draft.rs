@@ -333,11 +333,12 @@ fn inertial(inertia: &Inertia) -> String {
     )
 }
 
-/// Mass per volume of a link's capsules, housings and hollows averaged: the median of 12 imported arms that state their masses, which have
-/// 280 to 990; a Sawyer, whose base has wide capsules, does not count.
+/// Mass per volume of a link's capsules, housings and hollows averaged: the median of 12 imported arms that
+/// state their masses, which have 280 to 990; a Sawyer, whose base has wide capsules, does not count.
 pub const DENSITY_KGPM3: f64 = 600.0;
 
-/// Mass properties of a body of which only the shape is known, solid and `mass_kg` heavy; those of a small box without any shape.
+/// Mass properties of a body of which only the shape is known, solid and `mass_kg` heavy; those of a small
+/// box without any shape.
 pub fn assumed_inertia(shape: &BodyShape, mass_kg: Option<f64>) -> Inertia {
     let volumes: Vec<f64> = shape.capsules.iter().map(crate::capsule_fit::volume).collect();
     let volume: f64 = volumes.iter().sum();

@@ -1,4 +1,5 @@
-//! Reads `joint_limits.yaml`, the file beside a robot's description in which MoveIt and drivers keep what URDF cannot say.
+//! Reads `joint_limits.yaml`, the file beside a robot's description in which MoveIt and drivers keep what
+//! URDF cannot say.
 //!
 //! The tag `!degrees` in front of a number is understood, `null` is what is not given, and a limit only
 //! narrows what others state.

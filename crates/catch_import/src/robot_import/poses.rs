@@ -20,7 +20,8 @@ const HELD_BY: f64 = 0.5;
 /// Links keep this fraction of their masses, whatever the torque limits are.
 const LEAST_FRACTION: f64 = 0.05;
 
-/// The least number of neighbours along the chain that are not compared with each other, so that an arm can wait in many poses.
+/// The least number of neighbours along the chain that are not compared with each other, so that an arm can
+/// wait in many poses.
 pub fn ignored_neighbours(robot: &Robot, gripper: &Gripper) -> usize {
     let mut robot = robot.clone();
     let is_enough = |robot: &Robot| {
@@ -36,7 +37,8 @@ pub fn ignored_neighbours(robot: &Robot, gripper: &Gripper) -> usize {
     found.unwrap_or(robot.dof())
 }
 
-/// How high the base has to stand so that the first moved link is clear of the floor wherever it turns, in centimetres rounded up.
+/// How high the base has to stand so that the first moved link is clear of the floor wherever it turns, in
+/// centimetres rounded up.
 pub fn base_height_m(robot: &Robot) -> f64 {
     let lowest = |turned: u32| {
         let mut q = JointVector::zeros();
@@ -49,8 +51,9 @@ pub fn base_height_m(robot: &Robot) -> f64 {
     ((CLEARANCE_M - lowest_m).max(0.0) * 100.0).ceil() / 100.0
 }
 
-/// Poses to begin a search for the waiting pose with, the best first: free, easy to move in all directions, far from the ends of the
-/// ranges, the gripper between the floor and the shoulder's reach and not facing down.
+/// Poses to begin a search for the waiting pose with, the best first: free, easy to move in all directions,
+/// far from the ends of the ranges, the gripper between the floor and the shoulder's reach and not facing
+/// down.
 pub fn good_poses(robot: &Robot, gripper: &Gripper, most: usize) -> Vec<JointVector> {
     let clearance = ArmClearance::new(robot, gripper);
     let rate = |q: JointVector| {
@@ -74,7 +77,8 @@ pub fn good_poses(robot: &Robot, gripper: &Gripper, most: usize) -> Vec<JointVec
     rated.into_iter().take(most).map(|(_, q)| q).collect()
 }
 
-/// 1 in the middle of all ranges, 0 at an end; a joint with much more than a turn is in the middle everywhere near zero.
+/// 1 in the middle of all ranges, 0 at an end; a joint with much more than a turn is in the middle everywhere
+/// near zero.
 fn centred(robot: &Robot, q: &JointVector) -> f64 {
     let of_joint = |(i, joint): (usize, &catch_body::robot::Joint)| {
         let (lower, upper) = (joint.limits.lower, joint.limits.upper);
@@ -84,7 +88,8 @@ fn centred(robot: &Robot, q: &JointVector) -> f64 {
     robot.joints.iter().enumerate().map(of_joint).product()
 }
 
-/// For each joint a torque with which the arm and a gripper can be moved in any pose at the highest acceleration of all joints.
+/// For each joint a torque with which the arm and a gripper can be moved in any pose at the highest
+/// acceleration of all joints.
 pub fn sufficient_torques(robot: &Robot, gripper: &Gripper) -> JointVector {
     let robot = robot.clone().carrying(gripper);
     let mut rng = Pcg64::seed_from_u64(2);
@@ -97,8 +102,8 @@ pub fn sufficient_torques(robot: &Robot, gripper: &Gripper) -> JointVector {
     most * TORQUE_MARGIN
 }
 
-/// The fraction of their masses that the links `of` may have so that a part of the torque limits holds the arm and a gripper in any pose,
-/// as motors are made for more than that; 1 if they may have all.
+/// The fraction of their masses that the links `of` may have so that a part of the torque limits holds the
+/// arm and a gripper in any pose, as motors are made for more than that; 1 if they may have all.
 pub fn fraction_that_is_held(robot: &Robot, of: &[bool], gripper: &Gripper) -> f64 {
     let (whole, mut rest) = (robot.clone().carrying(gripper), robot.clone());
     for (joint, _) in rest.joints.iter_mut().zip(of).filter(|(_, is_of)| **is_of) {

@@ -1,4 +1,5 @@
-//! Clouds of a part of an object: whether the pose that a registration claims is the true one, as far as it claims.
+//! Clouds of a part of an object: whether the pose that a registration claims is the true one, as far as it
+//! claims.
 
 use catch_body::{Pose, TriangleMesh};
 use catch_bot::perception::{ReferenceModel, Symmetry};
@@ -17,7 +18,8 @@ struct Tally {
     registered: usize,
     degenerate: usize,
     others: usize,
-    /// Registered ones that are off by more than their claim's ellipsoid of 95 %, and by more than a tenth of the radius.
+    /// Registered ones that are off by more than their claim's ellipsoid of 95 %, and by more than a tenth of
+    /// the radius.
     outside_95: usize,
     wrong: usize,
 }
@@ -87,7 +89,8 @@ fn model(mesh: &TriangleMesh) -> (CloudFile, ReferenceModel) {
     (all.clone(), reference_model(all, "a mesh").unwrap())
 }
 
-/// The convex polyhedron of faces by their corners, counterclockwise from outside, turned into an orientation of no meaning.
+/// The convex polyhedron of faces by their corners, counterclockwise from outside, turned into an orientation
+/// of no meaning.
 fn polyhedron(corners: &[[f64; 3]], faces: &[&[u32]], half_m: f64) -> TriangleMesh {
     let R = UnitQuaternion::from_euler_angles(0.4, -0.7, 1.9);
     TriangleMesh {

@@ -30,8 +30,9 @@ pub struct CellSummary {
     pub held_later: usize,
     /// How often it was caught but for broken limits of the arm.
     pub caught_beyond_limits: usize,
-    /// How often the arm could not have been there in time, even had it known the flight from the first image on; by the oracle,
-    /// among the throws that were not caught. None where some of these were for an arm that the oracle does not know.
+    /// How often the arm could not have been there in time, even had it known the flight from the first image
+    /// on; by the oracle, among the throws that were not caught. None where some of these were for an arm
+    /// that the oracle does not know.
     pub out_of_reach: Option<usize>,
     /// How often it could not, had it known the flight from the release on.
     pub out_of_reach_from_release: Option<usize>,
@@ -39,7 +40,8 @@ pub struct CellSummary {
     pub refused_within_reach: Option<usize>,
     /// Interval for the probability of a catch among the throws within reach.
     pub wilson95_within_reach: Option<[f64; 2]>,
-    /// Interval for the probability of a catch; none for a throw that is always the same, whose outcomes repeat.
+    /// Interval for the probability of a catch; none for a throw that is always the same, whose outcomes
+    /// repeat.
     pub wilson95: Option<[f64; 2]>,
     /// Why it was not caught, and how often for this reason.
     pub reasons: BTreeMap<Reason, usize>,

@@ -28,7 +28,8 @@ pub fn published_rates() -> Vec<PublishedRate> {
     toml::from_str::<Published>(PUBLISHED).map(|it| it.rate).unwrap_or_default()
 }
 
-/// The published rate for a cell: that of the throw, or of the fixed throw that a sampler or the published orientation is of.
+/// The published rate for a cell: that of the throw, or of the fixed throw that a sampler or the published
+/// orientation is of.
 pub fn published_rate(rates: &[PublishedRate], cell: &CellSummary) -> Option<f64> {
     let throw = cell.throw.trim_start_matches("published_").trim_end_matches("_sampled");
     rates.iter().find(|rate| rate.object == cell.object && rate.throw == throw).map(|rate| rate.caught)

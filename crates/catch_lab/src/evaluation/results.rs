@@ -1,9 +1,10 @@
 //! Results of an evaluation on disk.
 //!
-//! While it runs there is a log, one line of JSON per trial, written as soon as it and all before it are done, and a file beside it
-//! that says what is evaluated. What a run was killed in the middle of is gone; everything before it stays. When all trials
-//! are done the log becomes a table ([`trial_table`]) and a summary for people. Evaluations of parts can be
-//! merged; the union is what one evaluation would have written, byte for byte.
+//! While it runs there is a log, one line of JSON per trial, written as soon as it and all before it are
+//! done, and a file beside it that says what is evaluated. What a run was killed in the middle of is gone;
+//! everything before it stays. When all trials are done the log becomes a table ([`trial_table`]) and a
+//! summary for people. Evaluations of parts can be merged; the union is what one evaluation would have
+//! written, byte for byte.
 
 use std::{
     fmt::Display,
@@ -48,8 +49,9 @@ impl Results {
     /// Opens a folder for the results of `evaluation`; returns the rows that are already there.
     ///
     /// # Errors
-    /// A folder that cannot be written, that holds results though nothing is to be resumed, that holds results of something
-    /// else or of nobody knows what, in which another process is at work, more trials than are asked for, or rows that are none.
+    /// A folder that cannot be written, that holds results though nothing is to be resumed, that holds
+    /// results of something else or of nobody knows what, in which another process is at work, more trials
+    /// than are asked for, or rows that are none.
     pub fn open(folder: &Path, evaluation: &Evaluation, resume: bool) -> Result<(Self, Vec<Row>), InputError> {
         let identity = evaluation.identity();
         let lock = WorkLock::take(folder)?;
@@ -187,8 +189,8 @@ fn holds_results(folder: &Path, expected: &str) -> InputError {
 /// Puts the results of parts together in `out`; returns what was evaluated and all rows.
 ///
 /// # Errors
-/// Parts of different evaluations, parts that are not complete, that leave gaps or that overlap; a folder that holds results or
-/// cannot be written.
+/// Parts of different evaluations, parts that are not complete, that leave gaps or that overlap; a folder
+/// that holds results or cannot be written.
 pub fn merge(folders: &[PathBuf], out: &Path) -> Result<(Identity, Vec<Row>), InputError> {
     if out.join(IDENTITY_FILE).exists() || out.join(TRIALS_FILE).exists() {
         return Err(holds_results(out, "a folder without"));
@@ -256,7 +258,8 @@ fn compare(file: &str, found: &Identity, identity: &Identity) -> Result<(), Inpu
     }
 }
 
-/// The rows of a file that may not exist, and how many bytes they take. A last line that was cut off does not count.
+/// The rows of a file that may not exist, and how many bytes they take. A last line that was cut off does not
+/// count.
 fn read_rows(path: &Path, identity: &Identity) -> Result<(Vec<Row>, u64), InputError> {
     let file = path.display().to_string();
     if !path.exists() {

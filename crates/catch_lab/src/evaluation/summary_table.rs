@@ -83,7 +83,8 @@ pub fn repeated_throws(cells: &[CellSummary]) -> Option<String> {
     })
 }
 
-/// The table in Markdown, with what it is a table of. No time enters it: the same evaluation gives the same bytes.
+/// The table in Markdown, with what it is a table of. No time enters it: the same evaluation gives the same
+/// bytes.
 pub fn markdown(identity: &Identity, cells: &[CellSummary]) -> String {
     let (caught, trials): (usize, usize) = cells.iter().fold((0, 0), |(a, b), cell| (a + cell.caught, b + cell.trials));
     let scenario = plain(identity.cells.first().map_or("", |cell| cell.name.as_str()));

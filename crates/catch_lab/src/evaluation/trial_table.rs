@@ -26,7 +26,8 @@ pub const PARQUET_FILE: &str = "trials.parquet";
 /// What helps where a table cannot be written.
 const AGAIN: &str = "a place to write to; --resume writes it again";
 
-/// How many rows are turned into columns at a time, so that long evaluations need no more memory than short ones.
+/// How many rows are turned into columns at a time, so that long evaluations need no more memory than short
+/// ones.
 const GROUP_ROWS: usize = 1000;
 
 /// What a column holds.
@@ -42,8 +43,8 @@ pub enum Kind {
     Number,
 }
 
-/// Columns, by their names in a [`Row`]. Lengths are in metres, angles in radians, times in seconds, as the names say; ratios are
-/// of the arm's limits.
+/// Columns, by their names in a [`Row`]. Lengths are in metres, angles in radians, times in seconds, as the
+/// names say; ratios are of the arm's limits.
 const COLUMNS: &[(&str, Kind)] = &[
     ("scenario", Kind::Text),
     ("object", Kind::Text),
@@ -184,8 +185,8 @@ pub fn columns(rows: &[Row]) -> Vec<Column> {
     columns
 }
 
-/// Writes the table into a folder, in Parquet as well where that is compiled in, each file at once or not at all. `identity` says
-/// what was evaluated; Parquet keeps it.
+/// Writes the table into a folder, in Parquet as well where that is compiled in, each file at once or not at
+/// all. `identity` says what was evaluated; Parquet keeps it.
 ///
 /// # Errors
 /// If they cannot be written; what was there before stays.
@@ -213,7 +214,8 @@ fn names(columns: &[Column]) -> String {
     names.join(",") + "\n"
 }
 
-/// A text as spreadsheets and other readers take it: none that others chose is a formula, and each is one field.
+/// A text as spreadsheets and other readers take it: none that others chose is a formula, and each is one
+/// field.
 fn csv_text(value: &str) -> Cow<'_, str> {
     let value = match value.starts_with(['=', '+', '-', '@', '\t', '\r']) {
         true => Cow::Owned(format!("'{value}")),

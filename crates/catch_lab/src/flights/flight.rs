@@ -17,7 +17,8 @@ const MOST_STEPS: f64 = 1000.0;
 /// A sighting agrees with the flight within this many standard deviations.
 const INLIER_SD: f64 = 6.0;
 
-/// A flight: the most probable motion at the sightings it was fitted to, and its covariance at the last of them.
+/// A flight: the most probable motion at the sightings it was fitted to, and its covariance at the last of
+/// them.
 #[derive(Debug, Clone)]
 pub struct Flight {
     /// Time of the first sighting of the flight.
@@ -40,7 +41,8 @@ pub struct Flight {
     pub errors_m: Vec<f64>,
     /// Negative logarithm of its probability density, but for a constant.
     pub deviance: f64,
-    /// Squares of the noise densities that the disturbances of this flight have: of the acceleration and of the angular acceleration.
+    /// Squares of the noise densities that the disturbances of this flight have: of the acceleration and of
+    /// the angular acceleration.
     pub disturbances: (f64, f64),
     /// Iterations of the fit.
     pub iterations: usize,
@@ -73,7 +75,8 @@ impl FlightState {
 }
 
 impl Flight {
-    /// The tracked point at a time: followed from the last sighting, with the noise of the process in between.
+    /// The tracked point at a time: followed from the last sighting, with the noise of the process in
+    /// between.
     pub fn at(&self, time_s: f64) -> FlightState {
         let (count, h) = steps(time_s - self.time_s);
         let pushes = Pushes { acceleration: self.g, angular: Vector3::zeros() };
@@ -117,14 +120,16 @@ impl Flight {
         self.covariance.fixed_view::<PARAMETERS, PARAMETERS>(POINT, POINT).into_owned()
     }
 
-    /// Drag constant in 1/m, where it depends on the direction its geometric mean, and its standard deviation.
+    /// Drag constant in 1/m, where it depends on the direction its geometric mean, and its standard
+    /// deviation.
     pub fn drag_per_m(&self) -> [f64; 2] {
         let drag = libm::exp(self.parameters().fixed_rows::<3>(DRAG_AT).mean());
         let variance = self.parameter_covariance().fixed_view::<3, 3>(DRAG_AT, DRAG_AT).sum() / 9.0;
         [drag, drag * variance.max(0.0).sqrt()]
     }
 
-    /// What a sighting that lies on the flight adds to the deviance, about: the mean of the robust cost under normal errors is 1.7.
+    /// What a sighting that lies on the flight adds to the deviance, about: the mean of the robust cost under
+    /// normal errors is 1.7.
     pub(super) fn deviance_of_row(&self) -> f64 {
         let of = |sd: f64| 1.7 + 3.0 * libm::log(sd);
         of(self.noise.position_sd_m) + if self.oriented { of(self.noise.orientation_sd_rad) } else { 0.0 }
@@ -145,7 +150,8 @@ impl Flight {
         let (time_s, FreeState { p, v, R, w }) = self.states[self.states.len() - 1];
         let body = &self.body;
         let drag_per_m = body.drag.trace() / 3.0;
-        // Derivatives of (p, v, k), of the centre of mass in O, and of (rotation vector, angular velocity) in W.
+        // Derivatives of (p, v, k), of the centre of mass in O, and of (rotation vector, angular velocity) in
+        // W.
         let mut point = SMatrix::<f64, 7, N>::zeros();
         point.fixed_view_mut::<6, 6>(0, 0).fill_with_identity();
         point.fixed_view_mut::<1, 3>(6, DRAG).fill(drag_per_m / 3.0);

@@ -1,13 +1,16 @@
-//! The most probable flight through the sightings of one stretch: one least-squares problem over all that is not known.
+//! The most probable flight through the sightings of one stretch: one least-squares problem over all that is
+//! not known.
 //!
-//! Unknown are the state at the first sighting, the parameters of the body as mean + B·z with z of unit covariance, and accelerations
-//! that disturb the motion, constant for a stretch of time each. Minimized by Levenberg and Marquardt's method is
+//! Unknown are the state at the first sighting, the parameters of the body as mean + B·z with z of unit
+//! covariance, and accelerations that disturb the motion, constant for a stretch of time each. Minimized by
+//! Levenberg and Marquardt's method is
 //!
 //! ½·Σ (ν + 3)·ln(1 + |e|²/(ν·σ²)) + ½·|z|² + ½·Σ Δ·|a|²/q² + ½·Σ Δ·|α|²/q_α²
 //!
-//! with the errors e of positions and orientations, which have Student's t distribution with ν degrees of freedom, and white noise
-//! of the densities q and q_α, averaged over the stretches of duration Δ. Noise σ of the sightings and both densities are estimated
-//! meanwhile. The covariance is the inverse of the last normal equations.
+//! with the errors e of positions and orientations, which have Student's t distribution with ν degrees of
+//! freedom, and white noise of the densities q and q_α, averaged over the stretches of duration Δ. Noise σ of
+//! the sightings and both densities are estimated meanwhile. The covariance is the inverse of the last normal
+//! equations.
 
 use catch_body::free_flight::{FreeState, N, PARAMETERS, POINT, Pushes};
 use nalgebra::{DMatrix, DVector, SMatrix, UnitQuaternion, Vector3};
@@ -31,7 +34,8 @@ const SMALL_GAIN: f64 = 0.05;
 const NOISE_DOF: f64 = 6.0;
 /// Less noise than the errors have, until the last of these iterations: what is smooth is the motion's.
 const ANNEALING: f64 = 0.5;
-/// Time from the first sighting on that a track with orientations is fitted to first, and how much more each fit after that has.
+/// Time from the first sighting on that a track with orientations is fitted to first, and how much more each
+/// fit after that has.
 const FIRST_S: f64 = 0.12;
 const LONGER_S: f64 = 0.08;
 /// Noise in the meantime.
@@ -46,8 +50,8 @@ struct Rest {
 }
 
 impl Problem<'_> {
-    /// Noise of the sightings by the median of their errors, and densities of the disturbances by their mean squares (expectation
-    /// maximization under an inverse gamma prior).
+    /// Noise of the sightings by the median of their errors, and densities of the disturbances by their mean
+    /// squares (expectation maximization under an inverse gamma prior).
     fn scales(
         &self,
         guess: &Guess,
@@ -78,7 +82,8 @@ impl Problem<'_> {
         })
     }
 
-    /// The first guess: the parabola through most sightings, and the rotation that the first of them have in common.
+    /// The first guess: the parabola through most sightings, and the rotation that the first of them have in
+    /// common.
     fn first_guess(&self) -> Option<(Guess, Scales)> {
         let parabola = Parabola::through(self.rows)?;
         let turned: Vec<(f64, UnitQuaternion<f64>)> = self
@@ -103,8 +108,8 @@ impl Problem<'_> {
         Some((guess, scales))
     }
 
-    /// The first guess, and where there are orientations what fits to more and more of the track lead to: they are periodic, and a rotation
-    /// that is known for a while leads to that for a little longer.
+    /// The first guess, and where there are orientations what fits to more and more of the track lead to:
+    /// they are periodic, and a rotation that is known for a while leads to that for a little longer.
     fn begun(&self) -> Option<(Guess, Scales)> {
         let (mut guess, mut scales) = self.first_guess()?;
         let (z, start_s) = (self.basis.ncols(), self.rows[0].time_s);

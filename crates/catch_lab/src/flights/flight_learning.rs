@@ -1,6 +1,7 @@
 //! What recorded throws teach about the flights of an object, and how good predictions by it are.
 //!
-//! Empirical Bayes: the moments of the parameters and the noise of the process over the throws by expectation maximization.
+//! Empirical Bayes: the moments of the parameters and the noise of the process over the throws by expectation
+//! maximization.
 
 use std::sync::Arc;
 
@@ -141,10 +142,11 @@ fn systematic_sds_m() -> impl Iterator<Item = f64> {
     std::iter::once(0.0).chain((0..24).map(|i| 5e-4 * 1.2_f64.powi(i)))
 }
 
-/// The prior with the smallest shared error of sightings with which the 95 % ellipsoids cover as many of the throws' ends.
+/// The prior with the smallest shared error of sightings with which the 95 % ellipsoids cover as many of the
+/// throws' ends.
 ///
-/// What neighbouring sightings share (markers that are hidden, a body that bends, a hand that touches) is beyond the model; the
-/// last row of a recording has it too.
+/// What neighbouring sightings share (markers that are hidden, a body that bends, a hand that touches) is
+/// beyond the model; the last row of a recording has it too.
 fn calibrated(throws: &[&Studied<'_>], prior: &FlightPrior) -> FlightPrior {
     let bare = Arc::new(FlightPrior { systematic_sd_m: 0.0, ..prior.clone() });
     let misses = misses(throws, &bare);
@@ -219,8 +221,8 @@ pub fn misses(throws: &[&Studied<'_>], prior: &Arc<FlightPrior>) -> Misses {
     std::array::from_fn(|at| all.clone().map(|(it, flights)| it.throw.miss(flights[at].as_ref()?)).collect())
 }
 
-/// Predictions of each throw by a prior learned from the other folds; throws go to folds by turns. `None` where nothing could
-/// be learned.
+/// Predictions of each throw by a prior learned from the other folds; throws go to folds by turns. `None`
+/// where nothing could be learned.
 pub fn cross_validated(throws: &[Studied<'_>], folds: usize, mut progress: impl FnMut()) -> Option<Misses> {
     let mut all = Misses::default();
     for fold in 0..folds {

@@ -58,8 +58,8 @@ pub struct Miss {
 }
 
 impl Miss {
-    /// Squared Mahalanobis distance and the logarithm of the covariance's determinant, with more variance along each axis;
-    /// infinite where there is none.
+    /// Squared Mahalanobis distance and the logarithm of the covariance's determinant, with more variance
+    /// along each axis; infinite where there is none.
     pub fn measures(&self, more_variance: f64) -> (f64, f64) {
         let covariance = self.covariance + Matrix3::identity() * more_variance;
         covariance.cholesky().map_or((f64::INFINITY, f64::INFINITY), |factor| {
@@ -86,7 +86,8 @@ pub fn quantile(fraction: f64) -> f64 {
 }
 
 impl Throw {
-    /// Predicts the end by how much was seen, each time near the flight that was found in `near` if there is one; `None` where there is no flight.
+    /// Predicts the end by how much was seen, each time near the flight that was found in `near` if there is
+    /// one; `None` where there is no flight.
     pub fn flights(&self, known: &Known, near: Option<&[Option<Flight>; 4]>) -> [Option<Flight>; 4] {
         std::array::from_fn(|at| {
             let (first, last) = (self.samples.first()?, self.samples.last()?);

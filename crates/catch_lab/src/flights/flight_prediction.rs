@@ -43,7 +43,8 @@ pub use super::stretches::LEAST_SIGHTINGS;
 /// Drag constant in 1/m and its standard deviation where one of them is not given.
 pub const DRAG_PER_M: [f64; 2] = [0.05, 0.1];
 
-/// Sightings that one fit looks at, at most; of more, every second, third … one. A stretch is found among as few more.
+/// Sightings that one fit looks at, at most; of more, every second, third … one. A stretch is found among as
+/// few more.
 const MOST_SIGHTINGS: usize = 300;
 const MOST_ROWS: usize = 1000;
 
@@ -83,7 +84,8 @@ impl FlightPrediction {
 /// With more noise than this, or fewer sightings that agree, something is wrong.
 const MOST_NOISE_M: f64 = 0.02;
 const LEAST_AGREEING: f64 = 0.5;
-/// A force beyond gravity and drag that is looked into, in m/s²; more by spin, as a fraction of the speed per second.
+/// A force beyond gravity and drag that is looked into, in m/s²; more by spin, as a fraction of the speed per
+/// second.
 const STRANGE_MPS2: f64 = 8.0;
 const MOST_LIFT_PER_S: f64 = 6.0;
 /// A disturbance of the first or last part of a flight that may be a hand's or a floor's, in m/s².
@@ -95,7 +97,8 @@ const CALMER: f64 = 0.3;
 const SHORTEST_S: f64 = 0.1;
 /// Density of disturbances that is no flight's, in m/s²/√Hz.
 const MOST_DENSITY: f64 = 2.0;
-/// Noise of orientations that are not understood, in radians, and for how long a flight can be followed at least, in seconds.
+/// Noise of orientations that are not understood, in radians, and for how long a flight can be followed at
+/// least, in seconds.
 const MOST_RAD: f64 = 0.2;
 const FOLLOWED_S: f64 = 0.5;
 /// That many sightings in a row at an end that all lie further off than this are no outliers.
@@ -105,7 +108,8 @@ const TAIL_M: f64 = 0.01;
 /// Logarithm of how much more probable another gravity has to be.
 const SURELY: f64 = 10.0;
 
-/// The first flight in the rows of a track, oldest first; `up` is the direction in the track's axes against which gravity pulls.
+/// The first flight in the rows of a track, oldest first; `up` is the direction in the track's axes against
+/// which gravity pulls.
 ///
 /// What precedes the flight, as in a hand, and what follows a contact is left out.
 pub fn predict(rows: &[Sighting], up: &Unit<Vector3<f64>>, known: Known) -> FlightPrediction {
@@ -187,7 +191,8 @@ fn untouched(
     Ok(flight)
 }
 
-/// A shorter flight that explains its rows so much better that something touched the others, if its ends look like that.
+/// A shorter flight that explains its rows so much better that something touched the others, if its ends look
+/// like that.
 fn less_touched(
     flight: &Flight,
     g: &Vector3<f64>,
@@ -244,7 +249,8 @@ fn most_probable(
     of(&rows.iter().map(|it| Sighting { rotation: None, ..*it }).collect::<Vec<_>>())
 }
 
-/// Whether another direction of gravity, or none, explains the rows better: looked at where there are strong forces.
+/// Whether another direction of gravity, or none, explains the rows better: looked at where there are strong
+/// forces.
 fn is_against(rows: &[Sighting], g: &Vector3<f64>, (priors, flight): (&[Arc<FlightPrior>], &Flight)) -> bool {
     if Parabola::through(rows).is_none_or(|it| (it.a - g).norm() < STRANGE_MPS2) {
         return false;

@@ -16,11 +16,12 @@ pub type ParameterCovariance = SMatrix<f64, PARAMETERS, PARAMETERS>;
 
 /// What is known of an object's flights before one is seen.
 ///
-/// The 19 parameters are in SI units, in this order. The tracked point from the centre of mass is in the body frame: x, y, z (m). The
-/// symmetric matrix M in the body frame, whose exponential is the drag matrix D of a = −|v|·D·v: xx, yy, zz, xy, xz, yz (logarithm of
-/// 1/m). Then come the Magnus coefficient k of a = k·ω×v and the decay c of the spin in ω̇ = −c·ω (1/s). Five are those of the
-/// traceless matrix S, whose exponential is the inertia tensor: xx, yy, xy, xz, yz. The last are the vector s of a = s×v in the world
-/// (1/s): the Magnus force in a track without orientations.
+/// The 19 parameters are in SI units, in this order. The tracked point from the centre of mass is in the body
+/// frame: x, y, z (m). The symmetric matrix M in the body frame, whose exponential is the drag matrix D of a
+/// = −|v|·D·v: xx, yy, zz, xy, xz, yz (logarithm of 1/m). Then come the Magnus coefficient k of a = k·ω×v and
+/// the decay c of the spin in ω̇ = −c·ω (1/s). Five are those of the traceless matrix S, whose exponential is
+/// the inertia tensor: xx, yy, xy, xz, yz. The last are the vector s of a = s×v in the world (1/s): the
+/// Magnus force in a track without orientations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlightPrior {
@@ -34,7 +35,8 @@ pub struct FlightPrior {
     /// Noise density of the angular acceleration, in rad/s²/√Hz.
     #[serde(deserialize_with = "quantity::noise_density")]
     pub angular_acceleration_noise: f64,
-    /// Error in metres that neighbouring samples have in common, so that no number of them reduces it; part of every prediction.
+    /// Error in metres that neighbouring samples have in common, so that no number of them reduces it; part
+    /// of every prediction.
     #[serde(deserialize_with = "quantity::error_m")]
     pub systematic_sd_m: f64,
     /// Least noise of a sample that is believed, however well the samples agree with each other.
@@ -94,8 +96,9 @@ impl FlightPrior {
 
     /// Moments of the parameters as a track with or without orientations has them.
     ///
-    /// Without them the tracked point cannot be told from the centre of mass, and of the drag only what is left on average over all
-    /// orientations: a third of the matrix's trace along each axis. With them the Magnus force is that of the measured spin.
+    /// Without them the tracked point cannot be told from the centre of mass, and of the drag only what is
+    /// left on average over all orientations: a third of the matrix's trace along each axis. With them the
+    /// Magnus force is that of the measured spin.
     pub(super) fn moments(&self, oriented: bool) -> (ParameterVector, ParameterCovariance) {
         let (mut mean, mut covariance) = (self.mean(), self.covariance());
         if oriented {
@@ -126,8 +129,8 @@ impl FlightPrior {
         (mean, basis)
     }
 
-    /// With independent parameters: the mean and standard deviation of the drag's logarithm in all directions and by how much it differs
-    /// between them, and the standard deviation of the lift.
+    /// With independent parameters: the mean and standard deviation of the drag's logarithm in all directions
+    /// and by how much it differs between them, and the standard deviation of the lift.
     fn of_hand_size(source: &str, [drag, drag_sd, by_direction]: [f64; 3], lift_sd: f64) -> Self {
         let (mut mean, mut covariance) = (ParameterVector::zeros(), ParameterCovariance::zeros());
         let mut fill = |first: usize, count: usize, sd: f64| {
@@ -168,8 +171,9 @@ impl FlightPrior {
         toml::from_str(ANY_OBJECT).unwrap_or_else(|_| Self::broad())
     }
 
-    /// The built-in priors for tracks of positions: everyday objects between a baseball and a foam ball, of which the evidence of the track
-    /// chooses one. They spin hardly or fast, and are balls or have a tracked point that tumbles with them.
+    /// The built-in priors for tracks of positions: everyday objects between a baseball and a foam ball, of
+    /// which the evidence of the track chooses one. They spin hardly or fast, and are balls or have a tracked
+    /// point that tumbles with them.
     pub fn any_points() -> Vec<Self> {
         let of = |[lift_sd, acceleration_noise]: [f64; 2]| {
             let prior = Self::of_hand_size("everyday objects without orientation", [-3.2, 1.1, 0.0], lift_sd);

@@ -20,8 +20,8 @@ pub(super) const MEDIAN: f64 = 1.538;
 const TENTH: f64 = 0.764;
 /// Degrees of freedom of the errors' distribution.
 const STUDENT_DOF: f64 = 4.0;
-/// How long the first and the last disturbance stay the same, and how much longer each further inwards does: what is predicted rests on
-/// the motion at the end most.
+/// How long the first and the last disturbance stay the same, and how much longer each further inwards does:
+/// what is predicted rests on the motion at the end most.
 const FIRST_STRETCH_S: f64 = 0.03;
 const LAST_STRETCH_S: f64 = 0.015;
 const STRETCH_GROWTH: f64 = 1.25;
@@ -250,8 +250,8 @@ impl<'a> Problem<'a> {
         Guess { start: guess.start.moved(&change), rest }
     }
 
-    /// The scales that the prior expects, with that noise of the sightings. A Magnus force varies with the speed and the spin, which
-    /// decays.
+    /// The scales that the prior expects, with that noise of the sightings. A Magnus force varies with the
+    /// speed and the spin, which decays.
     pub fn expected_scales(&self, guess: &Guess, noise: Noise) -> Scales {
         let lift = self.body(guess).lift.cross(&guess.start.v).norm();
         let acceleration_noise = libm::hypot(self.prior.acceleration_noise, VARYING_LIFT * lift);
@@ -291,8 +291,8 @@ fn stretch_ends_s(duration_s: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Noise of positions by how far each is from the parabola through three neighbours, in the nearest tenth: of four rows none may be an
-/// outlier.
+/// Noise of positions by how far each is from the parabola through three neighbours, in the nearest tenth: of
+/// four rows none may be an outlier.
 fn local_noise_m(rows: &[Sighting]) -> f64 {
     let off = |four: &[Sighting]| {
         let [a, b, c, d] = [0, 1, 2, 3].map(|i| four[i].time_s);

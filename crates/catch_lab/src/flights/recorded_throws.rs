@@ -22,11 +22,13 @@ const LEAST_FLIGHT_S: f64 = 0.3;
 /// Longest time without a sighting.
 const MOST_GAP_S: f64 = 0.1;
 
-/// The flights that were recorded in a folder, a file each, in the order of their names; `up` is the direction in their axes against
-/// which gravity pulls, that of the axis against which each accelerates if it is not given.
+/// The flights that were recorded in a folder, a file each, in the order of their names; `up` is the
+/// direction in their axes against which gravity pulls, that of the axis against which each accelerates if it
+/// is not given.
 ///
 /// # Errors
-/// A folder without tracks, or the first track that cannot be thrown: with other units or no gravity in it, too short or interrupted.
+/// A folder without tracks, or the first track that cannot be thrown: with other units or no gravity in it,
+/// too short or interrupted.
 pub fn read(folder: &Path, up: Option<Vector3<f64>>) -> Result<Vec<RecordedFlight>, InputError> {
     track_file::in_folder(folder, 1)?.iter().map(|path| read_flight(path, up)).collect()
 }

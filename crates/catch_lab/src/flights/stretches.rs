@@ -1,4 +1,5 @@
-//! Rows of a track that count, and the stretches between contacts. All by medians, so that a few outliers change nothing.
+//! Rows of a track that count, and the stretches between contacts. All by medians, so that a few outliers
+//! change nothing.
 
 use catch_body::dynamics::gravity;
 use nalgebra::{Unit, Vector3};
@@ -10,16 +11,19 @@ use crate::statistics::median_in_place;
 const SPAN_S: f64 = 0.07;
 /// and at least over so many rows.
 const SPAN_ROWS: usize = 5;
-/// A change of velocity beyond gravity that is a contact: larger than drag and tumbling explain, smaller than a bounce.
+/// A change of velocity beyond gravity that is a contact: larger than drag and tumbling explain, smaller than
+/// a bounce.
 const CONTACT_MPS: f64 = 2.0;
 /// Rows of a flight, at least.
 pub const LEAST_SIGHTINGS: usize = 6;
 /// Shortest stretch between contacts.
 const SHORTEST_S: f64 = 0.1;
 
-/// The rows that are sightings: finite, in the order of time, neither zero nor a repetition of the row before.
+/// The rows that are sightings: finite, in the order of time, neither zero nor a repetition of the row
+/// before.
 ///
-/// Trackers that lost an object go on with zeros or with the last sighting; logs that are faster than the tracker repeat it.
+/// Trackers that lost an object go on with zeros or with the last sighting; logs that are faster than the
+/// tracker repeat it.
 pub fn sighted(rows: &[Sighting]) -> Vec<Sighting> {
     let mut seen: Vec<Sighting> = Vec::with_capacity(rows.len());
     let mut last = None;
@@ -78,7 +82,8 @@ pub fn between_contacts(g: &Vector3<f64>, rows: &[Sighting]) -> Vec<std::ops::Ra
     stretches
 }
 
-/// How far the velocity after a row is from that before, gravity aside and beyond what the scatter of the rows explains.
+/// How far the velocity after a row is from that before, gravity aside and beyond what the scatter of the
+/// rows explains.
 fn velocity_change(g: &Vector3<f64>, rows: &[Sighting], at: usize) -> f64 {
     let time_s = rows[at].time_s;
     let first = rows[..at].partition_point(|it| it.time_s < time_s - SPAN_S).min(at.saturating_sub(SPAN_ROWS));
@@ -131,7 +136,8 @@ pub struct Parabola {
 const TRIALS: usize = 120;
 
 impl Parabola {
-    /// Least median of distances over parabolas through three rows, one of each third (Rousseeuw, 1984). `None` of fewer than three.
+    /// Least median of distances over parabolas through three rows, one of each third (Rousseeuw, 1984).
+    /// `None` of fewer than three.
     pub fn through(rows: &[Sighting]) -> Option<Self> {
         let (count, third) = (rows.len(), rows.len() / 3);
         let start_s = rows.first()?.time_s;

@@ -44,11 +44,12 @@ pub fn in_folder(folder: &Path, least: usize) -> Result<Vec<PathBuf>, InputError
     Ok(paths)
 }
 
-/// Reads a track, oldest sighting first, and the last time in the file. A header may stand above it; rows in which a number is
-/// missing or not a number are gaps.
+/// Reads a track, oldest sighting first, and the last time in the file. A header may stand above it; rows in
+/// which a number is missing or not a number are gaps.
 ///
 /// # Errors
-/// A file that cannot be read, rows with another number of columns or with words, times that do not rise, or no sighting.
+/// A file that cannot be read, rows with another number of columns or with words, times that do not rise, or
+/// no sighting.
 pub fn read(path: &Path) -> Result<(Vec<Sighting>, f64), InputError> {
     let file = path.display().to_string();
     parse(&file, &FileKind::text("a readable CSV file of t,x,y,z").read_text(path)?)

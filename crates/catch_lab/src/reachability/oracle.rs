@@ -1,13 +1,16 @@
-//! What was possible: whether the arm could have been at any catch of a throw in time, known to nobody but the referee.
+//! What was possible: whether the arm could have been at any catch of a throw in time, known to nobody but
+//! the referee.
 //!
-//! The oracle knows the true flight and has no noise. It asks, for every 10 ms of the flight and for many orientations of the hand
-//! around the object, whether any posture of the arm that holds the hand there can be reached from the waiting pose. What a joint
-//! can reach in a time T from rest is an interval, exact and in closed form; which postures lie in those intervals is answered by
-//! the inverse kinematics: in closed form where there is one, of S-R-S arms for all redundancy at once; else by iteration from starts
-//! all over the intervals and along the null space from what that finds. It shares neither the grid, the grasps, the map nor the bound on work with the
-//! search of the brain. The arm may be moving at the catch, if it can stop before its joints' limits
-//! afterwards. Of the torque limits, of the gripper and of the object's shape it takes no notice: a throw that it calls out of
-//! reach is out of reach between its samples, one that it calls within reach may still be hard.
+//! The oracle knows the true flight and has no noise. It asks, for every 10 ms of the flight and for many
+//! orientations of the hand around the object, whether any posture of the arm that holds the hand there can
+//! be reached from the waiting pose. What a joint can reach in a time T from rest is an interval, exact and
+//! in closed form; which postures lie in those intervals is answered by the inverse kinematics: in closed
+//! form where there is one, of S-R-S arms for all redundancy at once; else by iteration from starts all over
+//! the intervals and along the null space from what that finds. It shares neither the grid, the grasps, the
+//! map nor the bound on work with the search of the brain. The arm may be moving at the catch, if it can stop
+//! before its joints' limits afterwards. Of the torque limits, of the gripper and of the object's shape it
+//! takes no notice: a throw that it calls out of reach is out of reach between its samples, one that it calls
+//! within reach may still be hard.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -25,14 +28,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::scenario::setup::{Setup, throw_check::LONGEST_FLIGHT_S};
 
-/// How long after the first image has arrived anybody could begin to move, in seconds: the paper's first estimate needs six
-/// frames at 100 Hz.
+/// How long after the first image has arrived anybody could begin to move, in seconds: the paper's first
+/// estimate needs six frames at 100 Hz.
 const FIRST_ESTIMATE_S: f64 = 0.06;
 /// Catch times are this far apart, in seconds: 5 cm of the fastest flights.
 const CATCH_INTERVAL_S: f64 = 0.01;
 /// Step of the flight in seconds.
 const FLIGHT_STEP_S: f64 = 1e-3;
-/// Orientations of the hand: from the object passing through the gap to it flying at the palm, and around the flight.
+/// Orientations of the hand: from the object passing through the gap to it flying at the palm, and around the
+/// flight.
 const TILTS: usize = 7;
 const ROLLS: usize = 16;
 /// Swivels that are tried in each arc of the redundancy.
@@ -41,7 +45,8 @@ const SWIVELS: usize = 5;
 /// When an object could have been caught, if at all.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Reach {
-    /// A time at which the arm could have caught it, had it begun to move 60 ms after the first image arrived.
+    /// A time at which the arm could have caught it, had it begun to move 60 ms after the first image
+    /// arrived.
     pub from_first_image_s: Option<f64>,
     /// The same, had it begun at the release.
     pub from_release_s: Option<f64>,
@@ -59,7 +64,8 @@ pub struct Oracle<'a> {
     clearance: ArmClearance,
 }
 
-/// The arm's inverse kinematics: in closed form for two families, by iteration from many starts for the others.
+/// The arm's inverse kinematics: in closed form for two families, by iteration from many starts for the
+/// others.
 #[derive(Debug)]
 enum Kinematics {
     Srs(SrsArm),
@@ -98,15 +104,16 @@ impl<'a> Oracle<'a> {
         Reach { from_first_image_s, from_release_s }
     }
 
-    /// The first time at which some catch is possible for an arm that begins to move from rest in `from` at `start_s`, among times
-    /// that are `interval_s` apart.
+    /// The first time at which some catch is possible for an arm that begins to move from rest in `from` at
+    /// `start_s`, among times that are `interval_s` apart.
     pub fn first_catch_s(&self, flight: &Flight, from: &JointVector, start_s: f64, interval_s: f64) -> Option<f64> {
         let stride = ((interval_s / FLIGHT_STEP_S) as usize).max(1);
         let mut samples = flight.samples.iter().step_by(stride).filter(|sample| sample.time_s > start_s);
         samples.find(|sample| self.is_possible(sample, from, sample.time_s - start_s)).map(|sample| sample.time_s)
     }
 
-    /// Whether the hand can be at the object after moving from rest in `from` for `time_s`, in any orientation.
+    /// Whether the hand can be at the object after moving from rest in `from` for `time_s`, in any
+    /// orientation.
     fn is_possible(&self, sample: &FlightSample, from: &JointVector, time_s: f64) -> bool {
         if (sample.p_WO - self.base).norm() > self.longest_reach_m {
             return false;
@@ -130,7 +137,8 @@ impl<'a> Oracle<'a> {
         })
     }
 
-    /// Whether every joint that has moved from rest in `from` to `q` in `time_s` can be slow enough there to stop before its limit.
+    /// Whether every joint that has moved from rest in `from` to `q` in `time_s` can be slow enough there to
+    /// stop before its limit.
     fn can_stop_after(&self, from: &JointVector, q: &JointVector, time_s: f64) -> bool {
         self.robot.joints.iter().enumerate().all(|(i, joint)| {
             let way = q[i] - from[i];
@@ -174,8 +182,9 @@ fn farthest(limits: &JointLimits, time_s: f64) -> f64 {
 
 /// The least speed at the end of a way from rest that takes `time_s`, `way` being within what is possible.
 ///
-/// With the end's speed e, the longest way goes up to the peak p = min(V, (A·T + e)/2), coasts and brakes to e:
-/// s(e) = p²/2A + (p² − e²)/2A + p·(T − (2p − e)/A), which rises with e. Bisection finds where it is the way.
+/// With the end's speed e, the longest way goes up to the peak p = min(V, (A·T + e)/2), coasts and brakes to
+/// e: s(e) = p²/2A + (p² − e²)/2A + p·(T − (2p − e)/A), which rises with e. Bisection finds where it is the
+/// way.
 fn least_terminal_speed(way: f64, time_s: f64, velocity: f64, acceleration: f64) -> f64 {
     let longest = |end: f64| {
         let peak = velocity.min(f64::midpoint(acceleration * time_s, end));
@@ -193,8 +202,9 @@ fn least_terminal_speed(way: f64, time_s: f64, velocity: f64, acceleration: f64)
     high
 }
 
-/// Orientations of a hand that an object may fly into with `v_WO`: its approach y_G at every angle from against the flight (at the palm)
-/// to across it (through the gap), around the flight in all directions; the closing direction x_G is always across the flight.
+/// Orientations of a hand that an object may fly into with `v_WO`: its approach y_G at every angle from
+/// against the flight (at the palm) to across it (through the gap), around the flight in all directions; the
+/// closing direction x_G is always across the flight.
 fn hands(v_WO: &Vector3<f64>) -> impl Iterator<Item = Rotation3<f64>> {
     let along = Unit::new_normalize(*v_WO);
     let across = along.cross(&if along.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() }).normalize();
@@ -280,7 +290,8 @@ mod tests {
         }
     }
 
-    /// The paper's near throw can be caught from the scenario's pose; from the paper's own only by who knows it at the release.
+    /// The paper's near throw can be caught from the scenario's pose; from the paper's own only by who knows
+    /// it at the release.
     #[test]
     fn the_near_throw_is_out_of_reach_from_the_pose_of_the_paper() {
         let mut setup = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap();

@@ -1,9 +1,10 @@
 //! The best waiting pose for a distribution of throws.
 //!
-//! A pose is worth what the planner can do from it: for every throw of the distribution that the [oracle](super::oracle) calls
-//! within reach it is asked for a catch, as if the flight were known when the first estimate usually is, and the costs of its
-//! choices are summed; a throw that is out of reach or that it cannot catch costs most. Poses near the best one so far are tried
-//! at random, in ever smaller steps. What the best one is worth is told by throws that it was not chosen for.
+//! A pose is worth what the planner can do from it: for every throw of the distribution that the
+//! [oracle](super::oracle) calls within reach it is asked for a catch, as if the flight were known when the
+//! first estimate usually is, and the costs of its choices are summed; a throw that is out of reach or that
+//! it cannot catch costs most. Poses near the best one so far are tried at random, in ever smaller steps.
+//! What the best one is worth is told by throws that it was not chosen for.
 
 use std::sync::Arc;
 
@@ -55,7 +56,8 @@ pub struct Ready {
 /// The throws for which a pose is wanted, and planners to ask.
 pub struct Corridor<'a> {
     parts: Vec<Part>,
-    /// Whether the oracle is asked first. Where only the planner has inverse kinematics in closed form, it is the quicker one.
+    /// Whether the oracle is asked first. Where only the planner has inverse kinematics in closed form, it is
+    /// the quicker one.
     asks_oracle: bool,
     oracle: Oracle<'a>,
     clearance: ArmClearance,
@@ -95,7 +97,8 @@ impl<'a> Corridor<'a> {
         }
     }
 
-    /// What waiting at `q` is worth; `None` if the arm cannot stand there, or if the mean cost is above `most_cost`.
+    /// What waiting at `q` is worth; `None` if the arm cannot stand there, or if the mean cost is above
+    /// `most_cost`.
     pub fn value(&self, q: &JointVector, most_cost: f64) -> Option<Ready> {
         let X_WL = self.robot.link_poses(q);
         let free = self

@@ -1,10 +1,11 @@
 //! The latency of a gripper, from commanded moves and sensed widths.
 //!
-//! It is the time that `brain.control.gripper_latency_s` stands for: from the start of a commanded move until the fingers begin to
-//! move, where they then move as the brain expects. A width that was sensed t after the start and d from the width at rest puts
-//! the beginning at t − T(d), T being the time in which the brain expects the fingers to travel d. States that were read out a while
-//! before they are told, and fingers that something stops, make that too late and never too early; so the earliest one over the
-//! sensed widths of a move counts, between the times of two observations. Half a step of the sensor is allowed for.
+//! It is the time that `brain.control.gripper_latency_s` stands for: from the start of a commanded move until
+//! the fingers begin to move, where they then move as the brain expects. A width that was sensed t after the
+//! start and d from the width at rest puts the beginning at t − T(d), T being the time in which the brain
+//! expects the fingers to travel d. States that were read out a while before they are told, and fingers that
+//! something stops, make that too late and never too early; so the earliest one over the sensed widths of a
+//! move counts, between the times of two observations. Half a step of the sensor is allowed for.
 
 use std::path::{Path, PathBuf};
 
@@ -204,7 +205,8 @@ impl MoveFollower {
             // What had to start before its command arrived would else have been taken out by then.
             let is_timely = order.start_s > self.arrived_s;
             let it = StartedMove { start_s: order.start_s.max(self.arrived_s), width_m: order.width_m, is_timely };
-            // Of those that start together the last one wins, and one that is commanded again changes nothing.
+            // Of those that start together the last one wins, and one that is commanded again changes
+            // nothing.
             self.started.pop_if(|last| last.start_s >= it.start_s);
             if self.started.last().is_none_or(|last| (last.width_m - it.width_m).abs() > REST_M) {
                 self.started.push(it);

@@ -28,11 +28,13 @@ pub struct RecordedThrow {
     pub conditions: Option<ThrowConditions>,
     /// Wall time of the brain's stages.
     pub stopwatch: Stopwatch,
-    /// When the first image was left out of the recording, which has no room for more; `None` where it has all of them.
+    /// When the first image was left out of the recording, which has no room for more; `None` where it has
+    /// all of them.
     pub images_until_s: Option<f64>,
 }
 
-/// Throws once, lets the brain try, judges, and keeps it all in `folder`. `tell` hears the story as it happens.
+/// Throws once, lets the brain try, judges, and keeps it all in `folder`. `tell` hears the story as it
+/// happens.
 ///
 /// # Errors
 /// Files that cannot be written; those of `tell`.

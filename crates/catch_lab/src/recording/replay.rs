@@ -21,7 +21,8 @@ pub struct Replay {
     pub scene: Option<Scene>,
     /// Number of ticks that were compared.
     pub ticks: usize,
-    /// When the first image is missing, from where on nothing can be compared; `None` where the recording has all.
+    /// When the first image is missing, from where on nothing can be compared; `None` where the recording has
+    /// all.
     pub images_until_s: Option<f64>,
     /// Whether all commands that were compared are identical.
     pub identical: bool,

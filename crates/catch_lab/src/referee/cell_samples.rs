@@ -27,8 +27,8 @@ pub struct CellSample {
     pub touches: [bool; 6],
 }
 
-/// Why an object was not caught and held, by the rule that the arena's throws are judged by; `None` if it was. The world shakes from
-/// `disturbed_since_s` on. Broken limits of the arm are left out.
+/// Why an object was not caught and held, by the rule that the arena's throws are judged by; `None` if it
+/// was. The world shakes from `disturbed_since_s` on. Broken limits of the arm are left out.
 pub fn why_not_held(samples: &[CellSample], disturbed_since_s: Option<f64>) -> Option<Reason> {
     let samples = samples.iter().map(TruthSample::from).collect();
     let truth = Truth { samples, disturbed_since_s, ..Truth::default() };

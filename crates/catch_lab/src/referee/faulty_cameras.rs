@@ -15,7 +15,8 @@ pub struct FaultyCamera {
     pub status: CameraStatus,
 }
 
-/// The cameras that were said to be at fault in a throw, each with the last status that is none of a good one.
+/// The cameras that were said to be at fault in a throw, each with the last status that is none of a good
+/// one.
 pub fn faulty_cameras(snapshots: &[StateSnapshot]) -> Vec<FaultyCamera> {
     let mut statuses: Vec<CameraStatus> = Vec::new();
     for report in snapshots.iter().filter_map(|it| it.report.as_ref()) {

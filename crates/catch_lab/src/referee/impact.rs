@@ -4,7 +4,8 @@ use catch_body::{JointVector, Robot, dynamics::gravity};
 use catch_sim::{ThrownObject, Truth, TruthSample};
 use nalgebra::{Vector3, Vector6};
 
-/// From the first contact on: how long the object is taken to come to rest in the hand. An impact itself is over in one step.
+/// From the first contact on: how long the object is taken to come to rest in the hand. An impact itself is
+/// over in one step.
 const IMPACT_S: f64 = 0.02;
 
 /// What the gripper and the arm felt of the object in the first 20 ms after the first contact.

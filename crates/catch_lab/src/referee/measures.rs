@@ -12,7 +12,8 @@ pub const LEADS_S: [f64; 5] = [0.5, 0.4, 0.3, 0.2, 0.1];
 pub struct Measures {
     /// How far off the object's position at the catch was predicted, by the last prediction before it.
     pub prediction_error_m: Option<f64>,
-    /// How far off its orientation at the catch was predicted by then, turns under which it looks the same aside.
+    /// How far off its orientation at the catch was predicted by then, turns under which it looks the same
+    /// aside.
     #[serde(default)]
     pub prediction_rotation_error_rad: Option<f64>,
     /// How far off it was predicted [`LEADS_S`] before the catch, where there was a prediction by then.
@@ -20,12 +21,14 @@ pub struct Measures {
     pub prediction_errors_m: [Option<f64>; LEADS_S.len()],
     /// How far the gripper was from where the plan wants it at the catch.
     pub tracking_error_m: Option<f64>,
-    /// How far the undisturbed object would have been from where the plan wants it in the gripper at the catch.
+    /// How far the undisturbed object would have been from where the plan wants it in the gripper at the
+    /// catch.
     pub grasp_offset_m: Option<f64>,
-    /// How far it would have been turned from how the plan wants it there, turns under which it looks the same aside.
+    /// How far it would have been turned from how the plan wants it there, turns under which it looks the
+    /// same aside.
     pub grasp_rotation_error_rad: Option<f64>,
-    /// How long after the undisturbed object's centre would have been nearest the grasp centre the instant midway between the
-    /// first contacts of the two fingers was.
+    /// How long after the undisturbed object's centre would have been nearest the grasp centre the instant
+    /// midway between the first contacts of the two fingers was.
     #[serde(default)]
     pub contact_delay_s: Option<f64>,
     /// Speed of the object relative to the gripper at the catch.
@@ -50,7 +53,8 @@ pub struct Measures {
     pub approach_is_free: Option<bool>,
     /// Sum over the joints of how far each moved from the ready pose to the catch.
     pub joint_travel_rad: Option<f64>,
-    /// The largest impulse of a contact in one step of the physics, 1 ms, while the gripper touched the object, in N·s.
+    /// The largest impulse of a contact in one step of the physics, 1 ms, while the gripper touched the
+    /// object, in N·s.
     #[serde(default)]
     pub peak_contact_impulse_ns: f64,
     /// The object's impulse on the gripper in the first 20 ms after the first contact, in N·s.

@@ -5,12 +5,13 @@ use nalgebra::{Point3, Vector3};
 
 /// Fingers that move slower have closed.
 const CLOSED_SPEED_MPS: f64 = 0.005;
-/// A gripper that is commanded to be narrower than it is by less than this, in metres, neither closes nor squeezes: an impact moves
-/// the fingers of an open one as far.
+/// A gripper that is commanded to be narrower than it is by less than this, in metres, neither closes nor
+/// squeezes: an impact moves the fingers of an open one as far.
 const CLOSING_BY_M: f64 = 1e-3;
 
-/// Whether the object is squeezed: the gripper is commanded to be narrower than it is, and both fingers press, or one finger and the
-/// palm with the gripper closed upon it. A part that touches presses: contact is an impulse above zero.
+/// Whether the object is squeezed: the gripper is commanded to be narrower than it is, and both fingers
+/// press, or one finger and the palm with the gripper closed upon it. A part that touches presses: contact is
+/// an impulse above zero.
 pub(crate) fn is_squeezed(before: &TruthSample, now: &TruthSample) -> bool {
     let (left, right) = (now.contact.left_finger, now.contact.right_finger);
     let finger_speed = (now.width_m - before.width_m).abs() / (now.time_s - before.time_s);
@@ -37,8 +38,8 @@ pub(super) fn sample_before(truth: &Truth, time_s: f64) -> Option<&TruthSample> 
     truth.samples.get(next.checked_sub(1)?)
 }
 
-/// Where the object's O would have been at `time_s` if nothing had touched it: from its last free state on without air, which does nothing in
-/// the milliseconds that this bridges.
+/// Where the object's O would have been at `time_s` if nothing had touched it: from its last free state on
+/// without air, which does nothing in the milliseconds that this bridges.
 pub fn undisturbed_position(truth: &Truth, object: &ThrownObject, time_s: f64) -> Option<Point3<f64>> {
     let free_until = truth.samples.iter().position(|sample| sample.contact.any()).unwrap_or(truth.samples.len());
     let free = &truth.samples[..free_until];

@@ -8,7 +8,8 @@ use catch_bot::{
 
 use super::setup::Setup;
 
-/// Search passes before the answer is that there is no catch: each tries times between those of the one before.
+/// Search passes before the answer is that there is no catch: each tries times between those of the one
+/// before.
 const PASSES: usize = 8;
 
 /// The scenario's planner, asked once for an arm in the state `start` that nothing is planned for yet.

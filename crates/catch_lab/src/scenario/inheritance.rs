@@ -16,12 +16,15 @@ use crate::{
 /// The field that names the scenario that a file extends.
 const FIELD: &str = "extends";
 
-/// The table of a scenario's file, laid over that of the scenario which it extends, over that of the one which this extends, and so on.
+/// The table of a scenario's file, laid over that of the scenario which it extends, over that of the one
+/// which this extends, and so on.
 ///
-/// A table under a header, or of dotted keys, is merged field by field. Any other value replaces the one below it, an inline table as well.
+/// A table under a header, or of dotted keys, is merged field by field. Any other value replaces the one
+/// below it, an inline table as well.
 ///
 /// # Errors
-/// A file that is no TOML, one that extends nothing known or itself, or a fault in one of those that it extends.
+/// A file that is no TOML, one that extends nothing known or itself, or a fault in one of those that it
+/// extends.
 pub(super) fn extended(asset: &Asset) -> Result<Table, InputError> {
     extended_after(asset, &mut Vec::new())
 }

@@ -102,7 +102,8 @@ impl Setup {
     /// Reads all that is asked for.
     ///
     /// # Errors
-    /// The first fault found: which argument or which field of which file, what stands there and what would be right.
+    /// The first fault found: which argument or which field of which file, what stands there and what would
+    /// be right.
     pub fn load(choice: &Choice) -> Result<Self, InputError> {
         let nowhere = Origin::BuiltIn(PathBuf::new());
         let name = choice.scenario.unwrap_or(DEFAULT_SCENARIO);
@@ -120,8 +121,8 @@ impl Setup {
         Self::of_scenario(scenario, &asset.file, &asset.origin, choice)
     }
 
-    /// Reads all that a scenario and `choice` name; `file` names the scenario in errors, and what it names is looked for from
-    /// `origin` on.
+    /// Reads all that a scenario and `choice` name; `file` names the scenario in errors, and what it names is
+    /// looked for from `origin` on.
     ///
     /// # Errors
     /// As [`load`](Self::load).

@@ -9,7 +9,8 @@ use super::throw_grid::{GridPoint, ThrowGrid};
 use crate::evaluation::{Identity, Row, cell_summary::CellSummary};
 use catch_recording::{bounded_file::FileKind, whole_file};
 
-/// A study without its scenarios, as it lies beside the folders of its steps; each of those has a description of its own.
+/// A study without its scenarios, as it lies beside the folders of its steps; each of those has a description
+/// of its own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Outline {
     /// Version of the program.
@@ -105,7 +106,8 @@ pub struct ObjectSummary {
     /// All its throws together.
     #[serde(flatten)]
     pub all: CellSummary,
-    /// Row by row of the distances of a grid of throws, one entry per speed; `None` where a throw at that speed does not get there.
+    /// Row by row of the distances of a grid of throws, one entry per speed; `None` where a throw at that
+    /// speed does not get there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grid: Option<Vec<Vec<Option<GridPoint>>>>,
 }

@@ -1,7 +1,8 @@
 //! Throws from a grid of distances and speeds at one place: does a method miss because of speed?
 //!
-//! The paper supposes so (IV-C). The place is where a given throw comes nearest to the axis of the arm's base, the
-//! direction that in which it comes there. What is thrown from farther away or faster is thrown the same way otherwise.
+//! The paper supposes so (IV-C). The place is where a given throw comes nearest to the axis of the arm's
+//! base, the direction that in which it comes there. What is thrown from farther away or faster is thrown the
+//! same way otherwise.
 
 use catch_body::{InputError, dynamics::gravity};
 use catch_sim::Throw;
@@ -68,8 +69,8 @@ impl ThrowGrid {
         Ok(())
     }
 
-    /// The throws, made after that of `setup`, with what results call them. Where an arc at that speed does not get to the place there
-    /// is none.
+    /// The throws, made after that of `setup`, with what results call them. Where an arc at that speed does
+    /// not get to the place there is none.
     pub fn throws(&self, setup: &Setup) -> impl Iterator<Item = (String, Throw)> {
         let points =
             self.distances_m.iter().flat_map(|distance| self.speeds_mps.iter().map(move |speed| (*distance, *speed)));
@@ -92,7 +93,8 @@ impl ThrowGrid {
     }
 }
 
-/// The throw from `distance_m` away at `speed_mps`, on the flatter of the two arcs; `None` if it does not get there.
+/// The throw from `distance_m` away at `speed_mps`, on the flatter of the two arcs; `None` if it does not get
+/// there.
 fn throw(setup: &Setup, distance_m: f64, speed_mps: f64) -> Option<Throw> {
     let like = setup.release(0, 0);
     let base = setup.robot.X_WB.translation.vector;
@@ -113,7 +115,8 @@ fn nearest(p: &Point3<f64>, v: &Vector3<f64>, base: &Vector3<f64>) -> Option<(Po
 
 /// Release point and velocity of a throw to `place`.
 ///
-/// With L the horizontal and h the vertical way, tan θ = (v² − √(v⁴ − g·(g·L² + 2·h·v²)))/(g·L) is the flatter arc.
+/// With L the horizontal and h the vertical way, tan θ = (v² − √(v⁴ − g·(g·L² + 2·h·v²)))/(g·L) is the
+/// flatter arc.
 fn aimed(
     place: &Point3<f64>,
     direction: &Vector3<f64>,

@@ -1,12 +1,13 @@
-//! A brain's motions with a learned policy's offsets upon them (residual policy learning, Silver et al. 2018; Johannink et al. 2019).
+//! A brain's motions with a learned policy's offsets upon them (residual policy learning, Silver et al. 2018;
+//! Johannink et al. 2019).
 
 use catch_body::{Gripper, JointVector, MAX_JOINTS, Robot};
 use catch_cell::{ArmState, ArmTrajectory, BSpline, Command, Setpoint, TrajectoryId, executor::PeakRatios};
 
 use super::steering::{Steering, least_clearance_m, spline};
 
-/// Largest offset of a joint from the brain's motion that can be wanted, in radians. Where an acceleration limit holds a joint back, it swings
-/// beyond.
+/// Largest offset of a joint from the brain's motion that can be wanted, in radians. Where an acceleration
+/// limit holds a joint back, it swings beyond.
 pub const MOST_OFFSET_RAD: f64 = 0.1;
 /// Natural frequency of the critically damped way to the wanted offset, in rad/s.
 const FREQUENCY_RADPS: f64 = 20.0;
@@ -14,19 +15,20 @@ const FREQUENCY_RADPS: f64 = 20.0;
 const ACCELERATION_FRACTION: f64 = 0.3;
 /// What is tried of it; then the offset's motion brakes.
 const FRACTIONS: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
-/// The arm comes no nearer than this to itself and its surroundings, in metres, unless the brain's motion does.
+/// The arm comes no nearer than this to itself and its surroundings, in metres, unless the brain's motion
+/// does.
 const CLEARANCE_M: f64 = 0.04;
-/// Ratio of the velocity limits that an offset makes use of: an object that hits an arm that is not where the brain wanted it makes joints
-/// faster, and the brain keeps room for the hits that it expects.
+/// Ratio of the velocity limits that an offset makes use of: an object that hits an arm that is not where the
+/// brain wanted it makes joints faster, and the brain keeps room for the hits that it expects.
 const VELOCITY_FRACTION: f64 = 0.95;
 /// Trajectories that are remembered: more than are sent until one is told to be rejected.
 const REMEMBERED: usize = 64;
 /// Knots closer than this are the same, in seconds.
 const SAME_TIME_S: f64 = 1e-9;
 
-/// Adds offsets to the trajectories of a brain. Until the first offset the brain's commands pass unchanged. From then on what is sent is the sum
-/// of the brain's spline and that of the offset, as far as it keeps the arm's limits and distances, and the brain is told that its own
-/// motions are executed.
+/// Adds offsets to the trajectories of a brain. Until the first offset the brain's commands pass unchanged.
+/// From then on what is sent is the sum of the brain's spline and that of the offset, as far as it keeps the
+/// arm's limits and distances, and the brain is told that its own motions are executed.
 #[derive(Debug)]
 pub struct ResidualMotion {
     steering: Steering,
@@ -56,13 +58,15 @@ impl ResidualMotion {
         }
     }
 
-    /// Offset of what was sent last from the brain's motion at `time_s`: positions, velocities and accelerations.
+    /// Offset of what was sent last from the brain's motion at `time_s`: positions, velocities and
+    /// accelerations.
     pub fn offset(&self, time_s: f64) -> Setpoint {
         let [sent, planned] = [&self.sent, &self.planned].map(|it| newest(it).setpoint(time_s));
         Setpoint { q: sent.q - planned.q, dq: sent.dq - planned.dq, ddq: sent.ddq - planned.ddq }
     }
 
-    /// The arm as the brain is to see it: in the state `sensed`, but executing what the brain sent. `None` if that is so.
+    /// The arm as the brain is to see it: in the state `sensed`, but executing what the brain sent. `None` if
+    /// that is so.
     pub fn arm_of_brain(&mut self, sensed: &ArmState) -> Option<ArmState> {
         let is_rejected = |id: &Option<TrajectoryId>| sensed.rejected.iter().any(|it| Some(it.id) == *id);
         self.sent.retain(|(id, _)| !is_rejected(id));
@@ -76,7 +80,8 @@ impl ResidualMotion {
         Some(ArmState { commanded, executing: *executing, rejected: Vec::new(), ..sensed.clone() })
     }
 
-    /// The command of the brain with the offset on its way to `wanted`, a fraction of [`MOST_OFFSET_RAD`] for each joint, from `start_s` on.
+    /// The command of the brain with the offset on its way to `wanted`, a fraction of [`MOST_OFFSET_RAD`] for
+    /// each joint, from `start_s` on.
     pub fn shifted(&mut self, mut command: Command, start_s: f64, wanted: &JointVector) -> Command {
         if let Some(ArmTrajectory { id, spline }) = &command.arm {
             push(&mut self.planned, (Some(*id), spline.clone()));
@@ -96,7 +101,8 @@ impl ResidualMotion {
         command
     }
 
-    /// The brain's motion with the offset on its way; `None` if that breaks a limit, and what was sent before goes on.
+    /// The brain's motion with the offset on its way; `None` if that breaks a limit, and what was sent before
+    /// goes on.
     fn motion(&self, start_s: f64, wanted: &JointVector) -> Option<BSpline> {
         let planned = newest(&self.planned);
         let start_s = start_s.max(planned.start_s());
@@ -115,7 +121,8 @@ impl ResidualMotion {
         })
     }
 
-    /// Whether the arm keeps its distances and room for a hit until it is at rest, or as much as the brain's motion where that keeps less.
+    /// Whether the arm keeps its distances and room for a hit until it is at rest, or as much as the brain's
+    /// motion where that keeps less.
     fn keeps_room(&self, motion: &BSpline, planned: &BSpline) -> bool {
         let least_m = |it: &BSpline, time_s: f64| {
             least_clearance_m(&self.robot, self.steering.clearance(), self.max_width_m, &it.setpoint(time_s).q)
@@ -146,7 +153,8 @@ fn push(to: &mut Vec<(Option<TrajectoryId>, BSpline)>, one: (Option<TrajectoryId
     to.drain(..to.len().saturating_sub(REMEMBERED));
 }
 
-/// The sum of two motions from `start_s` on, where it is in the state `start`: its accelerations are linear between the knots of both.
+/// The sum of two motions from `start_s` on, where it is in the state `start`: its accelerations are linear
+/// between the knots of both.
 fn sum(start_s: f64, start: &Setpoint, parts: [&BSpline; 2]) -> BSpline {
     let later = |it: &&f64| **it > start_s + SAME_TIME_S;
     let mut times_s: Vec<f64> = parts.iter().flat_map(|it| &it.knots_s).filter(later).copied().collect();
@@ -169,7 +177,8 @@ mod tests {
     };
     use catch_cell::Brain;
 
-    /// A throw with a brain whose motions get the offsets `wanted`; whether it was caught, limits that were broken, and offsets that were seen.
+    /// A throw with a brain whose motions get the offsets `wanted`; whether it was caught, limits that were
+    /// broken, and offsets that were seen.
     fn throw(setup: &Setup, wanted: &dyn Fn(usize) -> JointVector) -> (bool, u32, f64) {
         let (mut episode, mut brain) = (Episode::new(setup, 1, 0), setup.brain(1, 0));
         let mut residual = ResidualMotion::new(&setup.robot, &setup.gripper, 0.01, &setup.robot.ready_q);

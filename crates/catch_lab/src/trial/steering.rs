@@ -1,4 +1,5 @@
-//! An arm that is steered by joint accelerations, as learned policies do: whatever is wanted, what is sent keeps the limits.
+//! An arm that is steered by joint accelerations, as learned policies do: whatever is wanted, what is sent
+//! keeps the limits.
 
 use catch_body::{Gripper, JointVector, MAX_JOINTS, Robot, clearance::ArmClearance, robot::LimitScale};
 use catch_cell::{BSpline, LimitKind, Setpoint, executor::PeakRatios};
@@ -9,17 +10,20 @@ const USED: LimitScale = LimitScale { velocity: 0.95, acceleration: 0.9, torque:
 const FRACTIONS: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
 /// Rounds of trying.
 const TRIES: usize = 12;
-/// The arm keeps this far from itself and its surroundings, in metres, where it is looked at: once a period. Who begins nearer comes no nearer.
+/// The arm keeps this far from itself and its surroundings, in metres, where it is looked at: once a period.
+/// Who begins nearer comes no nearer.
 const CLEARANCE_M: f64 = 0.04;
 /// How far the surface of an arm is from the line through its joints at most, in metres.
 const SURFACE_M: f64 = 0.2;
 /// Spans of the braking.
 const BRAKING_SPANS: usize = 3;
 
-/// Turns wanted joint accelerations into trajectories that keep the limits of an arm, keep it clear of itself and its surroundings, and end at rest.
+/// Turns wanted joint accelerations into trajectories that keep the limits of an arm, keep it clear of itself
+/// and its surroundings, and end at rest.
 ///
-/// A trajectory ramps to the wanted acceleration within one control period and then brakes, its acceleration linear between knots. As each
-/// that was sent is good to its end at rest, none needs to follow where no other is.
+/// A trajectory ramps to the wanted acceleration within one control period and then brakes, its acceleration
+/// linear between knots. As each that was sent is good to its end at rest, none needs to follow where no
+/// other is.
 #[derive(Debug, Clone)]
 pub struct Steering {
     /// With the gripper, and the limits that are used.
@@ -29,7 +33,8 @@ pub struct Steering {
     /// No point of arm and gripper is farther from a joint's axis.
     length_m: f64,
     period_s: f64,
-    /// Duration of one span of the braking: from the highest velocity it takes no more than the highest acceleration.
+    /// Duration of one span of the braking: from the highest velocity it takes no more than the highest
+    /// acceleration.
     span_s: f64,
 }
 
@@ -74,8 +79,9 @@ impl Steering {
         JointVector::from_fn(|i, _| if i < self.robot.dof() { of(i) } else { 0.0 })
     }
 
-    /// A motion from `start` at `start_s` that has the accelerations `wanted`, in rad/s², a period later, as far as the limits allow, and
-    /// then brakes. `None` if no such motion keeps them: the one that is executing does.
+    /// A motion from `start` at `start_s` that has the accelerations `wanted`, in rad/s², a period later, as
+    /// far as the limits allow, and then brakes. `None` if no such motion keeps them: the one that is
+    /// executing does.
     pub fn motion(&self, start_s: f64, start: &Setpoint, wanted: &JointVector) -> Option<BSpline> {
         let mut tried = [0_usize; MAX_JOINTS];
         for _ in 0..TRIES {
@@ -113,7 +119,8 @@ impl Steering {
         let least_m = |q: &JointVector| least_clearance_m(&self.robot, &self.clearance, self.max_width_m, q);
         let needed_m = least_m(&motion.setpoint(start_s).q).min(CLEARANCE_M);
         let looks = ((motion.end_s() - start_s) / self.period_s).ceil() as u32;
-        // Two points of the arm come nearer to each other by no more than twice what all joints move times its length.
+        // Two points of the arm come nearer to each other by no more than twice what all joints move times
+        // its length.
         let (mut looked_at, mut spare_m) = (None::<JointVector>, 0.0);
         // Backwards: where it comes to rest is most likely too near.
         (1..=looks).rev().map(at).all(|q| {
@@ -143,7 +150,8 @@ impl Steering {
 
     /// A motion from `start` whose acceleration is `a` a period later, and which then comes to rest.
     ///
-    /// With accelerations a after the period, then b, b and 0 a span apart: (a + b)/2 + b + b/2 = -dq/h brings the joint to rest.
+    /// With accelerations a after the period, then b, b and 0 a span apart: (a + b)/2 + b + b/2 = -dq/h
+    /// brings the joint to rest.
     pub(super) fn braked(&self, start_s: f64, start: &Setpoint, a: &JointVector) -> BSpline {
         let h = self.span_s;
         let dq = start.dq + (start.ddq + a) * (self.period_s / 2.0);
@@ -160,10 +168,12 @@ pub(super) fn least_clearance_m(robot: &Robot, clearance: &ArmClearance, max_wid
     clearance.self_clearance(&X_WL, max_width_m).min(clearance.environment_clearance(&X_WL, max_width_m))
 }
 
-/// The cubic spline that begins in the position and velocity of `start` and whose accelerations are these at the knots `times_s`.
+/// The cubic spline that begins in the position and velocity of `start` and whose accelerations are these at
+/// the knots `times_s`.
 ///
-/// Control points of a B-spline's derivative are Qᵢ = p·(Pᵢ₊₁ − Pᵢ)/(uᵢ₊ₚ₊₁ − uᵢ₊₁) (Piegl & Tiller, The NURBS Book, eq. 3.4), here solved for P;
-/// those of the second derivative, which is piecewise linear, are its values at the knots.
+/// Control points of a B-spline's derivative are Qᵢ = p·(Pᵢ₊₁ − Pᵢ)/(uᵢ₊ₚ₊₁ − uᵢ₊₁) (Piegl & Tiller, The
+/// NURBS Book, eq. 3.4), here solved for P; those of the second derivative, which is piecewise linear, are
+/// its values at the knots.
 pub(super) fn spline(times_s: &[f64], start: &Setpoint, accelerations: &[JointVector]) -> BSpline {
     let (first, last) = (times_s[0], times_s[times_s.len() - 1]);
     let knots_s = [&[first; 3], times_s, &[last; 3]].concat();

@@ -21,7 +21,8 @@ pub struct Stopwatch {
     whole: Duration,
 }
 
-/// How often which lap was measured, in units of 0.1 µs. Evaluations measure millions, few of which differ after rounding.
+/// How often which lap was measured, in units of 0.1 µs. Evaluations measure millions, few of which differ
+/// after rounding.
 type Laps = BTreeMap<u32, usize>;
 
 /// Name under which the time of whole ticks is kept.

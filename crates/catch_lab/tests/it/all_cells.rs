@@ -51,7 +51,8 @@ fn a_catch_needs_an_arm_at_rest_and_no_floor() {
     assert_eq!(referee::judge(&setup, &trial).reason, Some(Reason::HitFloor));
 }
 
-/// Whether the object lies in the hand at the end and has touched nothing else: seen in the truth, by none of the referee's rules.
+/// Whether the object lies in the hand at the end and has touched nothing else: seen in the truth, by none of
+/// the referee's rules.
 fn is_in_hand_at_the_end(truth: &Truth, grasp_centre_G: &Point3<f64>) -> bool {
     let end = truth.samples.last().unwrap();
     let p_GO = end.X_WG.inverse_transform_point(&end.X_WO.translation.vector.into());
@@ -102,8 +103,9 @@ fn a_ball_is_caught_by_an_arm_that_moves() {
     }
 }
 
-/// What the physics does while the object is far from everything does not decide what happens: with as many substeps there as at the
-/// catch, throws end the same way, and the hand is in the same place. Number 55 of the banana is marginally held.
+/// What the physics does while the object is far from everything does not decide what happens: with as many
+/// substeps there as at the catch, throws end the same way, and the hand is in the same place. Number 55 of
+/// the banana is marginally held.
 #[test]
 fn outcomes_do_not_depend_on_the_substeps_before_contact() {
     let fine = ["arena.substeps_alone=4".to_owned()];

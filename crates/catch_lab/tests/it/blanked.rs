@@ -17,8 +17,9 @@ enum Cameras {
     Seeing,
 }
 
-/// A cell whose object is suddenly somewhere else: at first everything is sensed in one arena, then in another one where the
-/// object was thrown elsewhere. Both receive all commands, so that the arm is in the same state when they change places.
+/// A cell whose object is suddenly somewhere else: at first everything is sensed in one arena, then in
+/// another one where the object was thrown elsewhere. Both receive all commands, so that the arm is in the
+/// same state when they change places.
 struct MovedObject {
     before: Arena,
     after: Arena,
@@ -92,7 +93,8 @@ fn in_the_dark_the_object_may_go_where_it_likes() {
     assert_ne!(seeing, seeing_and_moved);
 }
 
-/// The file of an object says what it truly is and what the brain is told; nothing of the former changes the latter.
+/// The file of an object says what it truly is and what the brain is told; nothing of the former changes the
+/// latter.
 #[test]
 fn the_brain_is_told_nothing_of_what_an_object_truly_is() {
     let folder = tempfile::tempdir().unwrap();

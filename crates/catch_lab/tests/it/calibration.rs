@@ -33,8 +33,8 @@ fn few_poses(setup: &Setup) -> Config {
     Config { poses: 6, ..calibration::config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, 3) }
 }
 
-/// From 50 mm and 5°, the clock being off by 4 ms, with half the poses; and what the same session gives where the model of the arm is
-/// wrong, and where a camera was blind.
+/// From 50 mm and 5°, the clock being off by 4 ms, with half the poses; and what the same session gives where
+/// the model of the arm is wrong, and where a camera was blind.
 #[test]
 fn a_near_camera_finds_its_place_or_says_that_it_does_not() {
     const CLOCK_S: f64 = 0.004;

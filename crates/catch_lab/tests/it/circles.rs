@@ -13,7 +13,8 @@ fn crates() -> Vec<String> {
     folders.map(|it| it.unwrap().file_name().into_string().unwrap()).collect()
 }
 
-/// A module may use what is in the file above it, and that file what is in those below it: they are one thing.
+/// A module may use what is in the file above it, and that file what is in those below it: they are one
+/// thing.
 #[test]
 fn files_use_each_other_in_no_circle() {
     for name in crates() {

@@ -96,8 +96,8 @@ fn without_friction_nothing_is_held() {
     }
 }
 
-/// How many of the first throws of a scenario have another verdict with a fraction of the arena's step, and how many are caught with the
-/// whole one.
+/// How many of the first throws of a scenario have another verdict with a fraction of the arena's step, and
+/// how many are caught with the whole one.
 fn changed_by_the_step(scenario: &str, throw: &str, throws: u64, step_s: &str) -> [usize; 2] {
     let with = |step_s: &str| {
         let settings = [format!("arena.step_s={step_s}")];
@@ -132,8 +132,8 @@ fn a_quarter_of_the_step_changes_few_of_200_verdicts() {
     }
 }
 
-/// The mirror image at the plane y = 0 of a throw, of the arm's ready pose and of nothing else: this arm, its gripper and the cameras' rig are
-/// their own images. Motions need not be mirrored; verdicts are.
+/// The mirror image at the plane y = 0 of a throw, of the arm's ready pose and of nothing else: this arm, its
+/// gripper and the cameras' rig are their own images. Motions need not be mirrored; verdicts are.
 #[test]
 fn a_mirrored_scene_has_mirrored_verdicts() {
     let setup = |mirrored: bool| {

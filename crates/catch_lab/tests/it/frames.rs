@@ -1,4 +1,5 @@
-//! Monogram notation, checked: in a product of poses the inner frames agree, and the outer ones are the result's.
+//! Monogram notation, checked: in a product of poses the inner frames agree, and the outer ones are the
+//! result's.
 
 use crate::source::{read, rust_files};
 
@@ -111,8 +112,8 @@ fn first_operand(text: &str) -> &str {
     &text[..end.map_or(text.len(), |(at, _)| at)]
 }
 
-/// `X_AB` → (A, B), `X_AB.inverse()` → (B, A), `arm.X_AB.rotation` → (A, B); anything else → `None`, so also `X_WL[i]`, whose
-/// L depends on the index.
+/// `X_AB` → (A, B), `X_AB.inverse()` → (B, A), `arm.X_AB.rotation` → (A, B); anything else → `None`, so also
+/// `X_WL[i]`, whose L depends on the index.
 fn frames(operand: &str) -> Option<(char, char)> {
     let mut found = None;
     for part in operand.split('.') {

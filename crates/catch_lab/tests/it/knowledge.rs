@@ -1,4 +1,5 @@
-//! Truth and knowledge do not mix: nothing that is known changes the world, and the brain of the scenario `honest` is the default one.
+//! Truth and knowledge do not mix: nothing that is known changes the world, and the brain of the scenario
+//! `honest` is the default one.
 
 use std::{fs, path::Path};
 
@@ -134,7 +135,8 @@ fn no_figure_of_object_or_camera_changes_the_world() {
         assert_ne!(right.brain_config(1, 0), wrong.brain_config(1, 0), "{field} is not known");
         assert_same_conditions(&right, &wrong, field);
         let seen = until_touched_and_commanded(&wrong);
-        // The arm may be sent off at another time, so that one list is longer; the object's samples come first.
+        // The arm may be sent off at another time, so that one list is longer; the object's samples come
+        // first.
         let same = samples.iter().zip(&seen).take(400).position(|(one, other)| one != other);
         assert_eq!(same, None, "{field} changes the world");
     }

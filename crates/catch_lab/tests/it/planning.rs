@@ -94,8 +94,8 @@ impl Desk {
     }
 }
 
-/// A throw from 2 to 4 m away, ±30° about the waiting arm's throwers, that passes the base's axis at 0.3 to 0.8 m, in any
-/// orientation.
+/// A throw from 2 to 4 m away, ±30° about the waiting arm's throwers, that passes the base's axis at 0.3 to
+/// 0.8 m, in any orientation.
 pub fn random_flight(rng: &mut Pcg64) -> FlightTrajectory {
     let mut between = |low: f64, high: f64| rng.random_range(low..high);
     let from = PI / 4.0 + between(-0.52, 0.52);
@@ -111,7 +111,8 @@ pub fn random_flight(rng: &mut Pcg64) -> FlightTrajectory {
     FlightTrajectory { p_WOcm, v_WOcm, R_WO, ..FlightTrajectory::default() }
 }
 
-/// Every trajectory that the brain sends begins where the one before it is, in position, velocity and acceleration.
+/// Every trajectory that the brain sends begins where the one before it is, in position, velocity and
+/// acceleration.
 #[test]
 fn replans_are_continuous() {
     for (object, throw) in [("banana", "near_sampled"), ("tennis_ball", "far_sampled"), ("pill_bottle", "near")] {
@@ -151,7 +152,8 @@ fn check(desk: &Desk, start: &Start, flight: &FlightTrajectory, plan: &CatchPlan
     approach_is_free(desk, flight, plan)
 }
 
-/// The motion begins at the start, is at `X_WG` at the catch, moving along with the object, and breaks nothing.
+/// The motion begins at the start, is at `X_WG` at the catch, moving along with the object, and breaks
+/// nothing.
 fn keeps_its_word(
     desk: &Desk,
     start: &Start,
@@ -244,8 +246,8 @@ struct Outcomes {
     faults: Vec<String>,
     /// Plans that were found by replans.
     replans: usize,
-    /// Those of them on whose way the fingers touch the object before they close: replans keep an aperture although the flight has
-    /// changed, searches promise a free approach.
+    /// Those of them on whose way the fingers touch the object before they close: replans keep an aperture
+    /// although the flight has changed, searches promise a free approach.
     touching: usize,
 }
 
@@ -293,7 +295,8 @@ fn many(desks: &[Desk], catches: usize, seed: u64) -> Outcomes {
     outcomes
 }
 
-/// Where a catch cannot be adjusted any more, it is made a little sooner or later, or missed by less than if nothing were done.
+/// Where a catch cannot be adjusted any more, it is made a little sooner or later, or missed by less than if
+/// nothing were done.
 #[test]
 fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
     shifts_or_approaches(&Desk::new("banana", |_| {}));
@@ -330,7 +333,8 @@ fn reach_left_in_each_joint_lets_more_objects_in() {
     assert!(replans > 200 && freed > 0, "{freed} of {replans}");
 }
 
-/// However a bottle seems to have turned about its axis, the gripper stays where it holds it; and rounding does not add up.
+/// However a bottle seems to have turned about its axis, the gripper stays where it holds it; and rounding
+/// does not add up.
 #[test]
 fn grippers_do_not_turn_about_the_axis_of_a_bottle() {
     let desk = Desk::new("pill_bottle", |_| {});
@@ -406,7 +410,8 @@ fn random_catches_hold_when_recomputed() {
     assert!(outcomes.replans > 100 && 100 * outcomes.touching <= outcomes.replans, "{outcomes:?}");
 }
 
-/// The same for arms that limit the jerk, tightly and as loosely as arms of today do; the tight limit costs catches.
+/// The same for arms that limit the jerk, tightly and as loosely as arms of today do; the tight limit costs
+/// catches.
 #[test]
 fn random_catches_keep_limits_of_the_jerk() {
     for (most, least) in [(300.0, 30), (5000.0, 60)] {
@@ -417,7 +422,8 @@ fn random_catches_keep_limits_of_the_jerk() {
     }
 }
 
-/// As many as `CATCHINGBOT_CATCHES` says: `cargo test --release -p catch_lab --test it as_many_random_catches -- --ignored --nocapture`.
+/// As many as `CATCHINGBOT_CATCHES` says:
+/// `cargo test --release -p catch_lab --test it as_many_random_catches -- --ignored --nocapture`.
 #[test]
 #[ignore = "takes several minutes"]
 fn as_many_random_catches_as_one_likes_hold_when_recomputed() {
@@ -427,8 +433,8 @@ fn as_many_random_catches_as_one_likes_hold_when_recomputed() {
     assert!(faults.is_empty(), "{:?}", &faults[..faults.len().min(20)]);
 }
 
-/// Catches that sampling shows feasible: joint positions and velocities within each joint's reach, and an object that flies
-/// along with them. Returns how many of how many are solved.
+/// Catches that sampling shows feasible: joint positions and velocities within each joint's reach, and an
+/// object that flies along with them. Returns how many of how many are solved.
 fn solved_by(robot: &str, count: usize) -> (usize, usize) {
     let (robot, gripper) = planner_cases::arm(Some(robot), ("test", "robot")).unwrap();
     let planner = PosedPlanner::new(MotionPlanner::new(robot, gripper.clone(), Config::default()));

@@ -1,4 +1,5 @@
-//! The rules of prose: sentences are short, words are those of the field, links lead somewhere, and every page is in the contents.
+//! The rules of prose: sentences are short, words are those of the field, links lead somewhere, and every
+//! page is in the contents.
 
 use std::{
     fs,
@@ -58,7 +59,8 @@ fn without_blocks(text: &str) -> String {
     text.lines().filter(outside).collect::<Vec<_>>().join("\n")
 }
 
-/// The sentences of a page: no tables, headings, quotes or pictures; code stands as one letter, a link as its text.
+/// The sentences of a page: no tables, headings, quotes or pictures; code stands as one letter, a link as its
+/// text.
 fn sentences(text: &str) -> Vec<String> {
     let prose = without_blocks(text);
     let prose = prose.lines().filter(|line| !line.trim_start().starts_with(['|', '#', '!', '>']));

@@ -1,4 +1,5 @@
-//! Random serial arms through the loader and the planner: nothing panics, and every plan keeps all limits when it is recomputed.
+//! Random serial arms through the loader and the planner: nothing panics, and every plan keeps all limits
+//! when it is recomputed.
 
 use std::fmt::Write;
 
@@ -18,8 +19,8 @@ use rand_pcg::Pcg64;
 /// Catches that are asked for from each arm.
 const CATCHES: usize = 4;
 
-/// The two files of a random arm of one to eight joints: any axes and offsets, some joints parallel, ranges from narrow to endless,
-/// limits over decades, heavy and light links.
+/// The two files of a random arm of one to eight joints: any axes and offsets, some joints parallel, ranges
+/// from narrow to endless, limits over decades, heavy and light links.
 fn random_files(rng: &mut Pcg64) -> [String; 2] {
     let dof = rng.random_range(1..=8);
     let (mut urdf, mut joints) = ("<robot name=\"random\">\n".to_owned(), String::new());

@@ -1,4 +1,5 @@
-//! Flights through recorded tracks: tracks made by tiny steps, with noise, outliers, gaps, hands and contacts.
+//! Flights through recorded tracks: tracks made by tiny steps, with noise, outliers, gaps, hands and
+//! contacts.
 
 use catch_lab::flights::{
     flight_learning::{learn, studied},

@@ -1,4 +1,5 @@
-//! The referee against what is known: a caught throw, changed in one thing, is missed for that reason; measures are as other formulas have them.
+//! The referee against what is known: a caught throw, changed in one thing, is missed for that reason;
+//! measures are as other formulas have them.
 
 use std::{f64::consts::PI, sync::LazyLock};
 
@@ -172,7 +173,8 @@ fn conditions_are_those_of_the_trial() {
     assert_eq!((told.flight.friction, told.flight.restitution), (drawn.friction, drawn.restitution));
     assert_eq!((told.flight.drag_per_m, told.flight.mass_kg), (drawn.drag_per_m, setup.object.mass_kg));
     assert_eq!(told.flight, setup.flight_conditions(1, 3));
-    // The arm is not the model's, the gripper sits where G is, and the cameras stand beside where they are believed to.
+    // The arm is not the model's, the gripper sits where G is, and the cameras stand beside where they are
+    // believed to.
     assert_eq!(told.cell.link_mass_ratios.len(), 7);
     assert!(told.cell.link_mass_ratios.iter().all(|it| (0.97..=1.03).contains(it) && *it != 1.0), "{told:?}");
     let mount_m = Vector3::from(told.cell.gripper_mount.position_m).norm();
@@ -360,7 +362,8 @@ fn velocities_in_the_hand_are_those_of_positions_in_the_hand() {
     assert!(near(measures.palm_fraction, -v_G.y / v_G.norm()), "{v_G} {measures:?}");
 }
 
-/// The hand takes from the object what stops it relative to the hand, and each part of the hand touches it when the samples say so.
+/// The hand takes from the object what stops it relative to the hand, and each part of the hand touches it
+/// when the samples say so.
 #[test]
 fn impulses_and_instants_of_contact_are_those_of_the_samples() {
     let (setup, trial, verdict) = &*CAUGHT;

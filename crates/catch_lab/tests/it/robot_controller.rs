@@ -1,4 +1,5 @@
-//! Robot controllers that are not ideal, and limits of the jerk: what they reject, how often catches succeed, what is never sent.
+//! Robot controllers that are not ideal, and limits of the jerk: what they reject, how often catches succeed,
+//! what is never sent.
 
 use std::fs;
 
@@ -11,8 +12,8 @@ use catch_lab::{
 
 use crate::{planning::OBJECTS, source::root};
 
-/// Time stamps that are off by up to half a millisecond, states in single precision, an interpolator 2 ms behind, and every tenth
-/// trajectory declined.
+/// Time stamps that are off by up to half a millisecond, states in single precision, an interpolator 2 ms
+/// behind, and every tenth trajectory declined.
 const HOSTILE: [&str; 4] = [
     "arena.robot_controller.stamp_error_s=0.0005",
     "arena.robot_controller.single_precision=true",

@@ -11,7 +11,8 @@ use crate::planning::{Desk, OBJECTS, random_flight};
 /// A fifth of the usual distance between catch times.
 const FINER_S: f64 = 0.004;
 
-/// Throws that a search on a grid five times finer catches and the passes of a search, one after the other, do not.
+/// Throws that a search on a grid five times finer catches and the passes of a search, one after the other,
+/// do not.
 fn lost(throws: usize) -> (usize, usize, Vec<(usize, PlanningFailure)>) {
     let (mut caught, mut caught_finer, mut lost) = (0, 0, Vec::new());
     for (o, object) in OBJECTS.iter().enumerate() {
@@ -43,7 +44,8 @@ fn a_finer_grid_finds_no_catch_that_was_missed() {
     assert!(lost.is_empty(), "{lost:?}");
 }
 
-/// The whole of it: `cargo test --release --workspace --test it search_passes::a_thousand -- --ignored --nocapture`.
+/// The whole of it:
+/// `cargo test --release --workspace --test it search_passes::a_thousand -- --ignored --nocapture`.
 #[test]
 #[ignore = "takes a minute"]
 fn a_thousand_throws_lose_nothing() {

@@ -318,7 +318,8 @@ fn another_value_of_each_setting_changes_something() {
     assert!(dead.is_empty(), "settings that change nothing: {dead:#?}");
 }
 
-/// The settings that the page of settings shows and that are neither names of files nor shown to matter otherwise.
+/// The settings that the page of settings shows and that are neither names of files nor shown to matter
+/// otherwise.
 #[test]
 fn each_setting_stands_in_the_table() {
     let page = fs::read_to_string(root().join("docs/reference/scenario.md")).unwrap();

@@ -35,7 +35,8 @@ pub fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|fault| panic!("{}: {fault}", path.display()))
 }
 
-/// Whether a file holds nothing but tests or examples: it lies in a folder of them, or its parent says `#[cfg(test)] mod …;`.
+/// Whether a file holds nothing but tests or examples: it lies in a folder of them, or its parent says
+/// `#[cfg(test)] mod …;`.
 pub fn is_test_file(path: &Path) -> bool {
     if path.iter().any(|folder| folder == "tests" || folder == "benches" || folder == "examples") {
         return true;
@@ -52,8 +53,8 @@ pub fn is_test_file(path: &Path) -> bool {
     parents.iter().filter_map(|it| fs::read_to_string(it).ok()).any(|text| declared.iter().any(|it| text.contains(it)))
 }
 
-/// The text without its inline test modules: from `#[cfg(test)]` and a `mod … {` to the brace that closes it in the first
-/// column, as rustfmt places it.
+/// The text without its inline test modules: from `#[cfg(test)]` and a `mod … {` to the brace that closes it
+/// in the first column, as rustfmt places it.
 pub fn without_test_modules(text: &str) -> String {
     let mut kept = Vec::new();
     let mut lines = text.lines().peekable();

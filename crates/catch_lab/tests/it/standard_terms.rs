@@ -1,4 +1,5 @@
-//! One quantity has one name, that of the field: words of our own that were given up stay out of identifiers, settings and columns.
+//! One quantity has one name, that of the field: words of our own that were given up stay out of identifiers,
+//! settings and columns.
 
 use std::{fs, path::Path};
 
@@ -66,7 +67,8 @@ fn faults<'a>(file: &Path, code: &str, words: impl Iterator<Item = &'a (&'a str,
         .collect()
 }
 
-/// Whether the words of an identifier, in either spelling, hold those of `words` in a row, the last one also in the plural.
+/// Whether the words of an identifier, in either spelling, hold those of `words` in a row, the last one also
+/// in the plural.
 fn contains(identifier: &str, words: &str) -> bool {
     let mut parts = vec![String::new()];
     let mut after_small = false;

@@ -1,4 +1,5 @@
-//! What the dependencies may be, by `deny.toml`: their licences go with this project's, and they come from one registry.
+//! What the dependencies may be, by `deny.toml`: their licences go with this project's, and they come from
+//! one registry.
 
 use std::process::Command;
 
@@ -48,8 +49,8 @@ fn licences_and_sources_are_those_of_the_settings() {
     assert!(!is_allowed("GPL-3.0", &allowed) && is_allowed("(MIT OR GPL-3.0) AND Unicode-3.0", &allowed));
 }
 
-/// A test that runs after a build compiles no dependency once more: both have the same features of each. Nor does what is built of the whole
-/// workspace after what is built by default.
+/// A test that runs after a build compiles no dependency once more: both have the same features of each. Nor
+/// does what is built of the whole workspace after what is built by default.
 #[test]
 fn tests_add_no_features_to_dependencies() {
     let tree = |which: &[&str], kinds: &str| -> Vec<String> {

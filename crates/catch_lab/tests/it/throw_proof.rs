@@ -1,19 +1,22 @@
-//! Proofs that a whole throw is out of reach: at every time, in every orientation of the gripper, over all redundancy.
+//! Proofs that a whole throw is out of reach: at every time, in every orientation of the gripper, over all
+//! redundancy.
 //!
-//! Branch and bound over times and joint positions. A *piece* is an interval of times and one of positions for each joint. There
-//! is no catch in it if one of two things that every catch has cannot be had anywhere in it:
+//! Branch and bound over times and joint positions. A *piece* is an interval of times and one of positions
+//! for each joint. There is no catch in it if one of two things that every catch has cannot be had anywhere
+//! in it:
 //!
-//! * *place*: the grasp centre is where the object is, p_G(q) = p_O(t). With the Jacobian's columns Jᵢ at the piece's middle, its
-//!   half widths Δ and Cⱼ ≥ |Jⱼ| anywhere in it,
+//! * *place*: the grasp centre is where the object is, p_G(q) = p_O(t). With the Jacobian's columns Jᵢ at the
+//!   piece's middle, its half widths Δ and Cⱼ ≥ |Jⱼ| anywhere in it,
 //!
-//!   ```text
-//!   p_G(q) = p_G + Σ Jᵢ·δqᵢ + e,   |e| ≤ ½ Σᵢⱼ C_max(i,j)·Δᵢ·Δⱼ,   |∂Jᵢ/∂qⱼ| ≤ C_max(i,j)
-//!   ```
-//!   since ∂Jᵢ/∂qⱼ = zᵢ × Jⱼ for i ≤ j. Along any direction this also narrows each joint to what the others can make up for.
-//! * *velocity*: J·q̇ = s·v_O with 0 ≤ s ≤ s_max, and for each joint the velocities that it can have on arrival
-//!   ([`reachability`](catch_bot::trajectory_optimization::reachability)). A direction λ separates both sides if max λᵀ·J·q̇ < min λᵀ·s·v_O over the piece.
+//!   ```text p_G(q) = p_G + Σ Jᵢ·δqᵢ + e, |e| ≤ ½ Σᵢⱼ C_max(i,j)·Δᵢ·Δⱼ, |∂Jᵢ/∂qⱼ| ≤ C_max(i,j) ``` since
+//!   ∂Jᵢ/∂qⱼ = zᵢ × Jⱼ for i ≤ j. Along any direction this also narrows each joint to what the others can
+//!   make up for.
+//! * *velocity*: J·q̇ = s·v_O with 0 ≤ s ≤ s_max, and for each joint the velocities that it can have on
+//!   arrival ([`reachability`](catch_bot::trajectory_optimization::reachability)). A direction λ separates
+//!   both sides if max λᵀ·J·q̇ < min λᵀ·s·v_O over the piece.
 //!
-//! What is left is halved. Torque, the arm itself, the floor and the object's shape bar more, and are not asked.
+//! What is left is halved. Torque, the arm itself, the floor and the object's shape bar more, and are not
+//! asked.
 
 use catch_body::{JointVector, MAX_JOINTS, dynamics::gravity, robot::Jacobian};
 use catch_bot::{
@@ -66,8 +69,9 @@ pub struct AnyCatch<'a> {
     pub within_m: f64,
 }
 
-/// Tries to prove that the arm, at rest at `q` until `start_s`, can make no catch after that within its position, velocity and
-/// acceleration limits. It gives up with the first piece beyond `most_pieces` that may hold one.
+/// Tries to prove that the arm, at rest at `q` until `start_s`, can make no catch after that within its
+/// position, velocity and acceleration limits. It gives up with the first piece beyond `most_pieces` that may
+/// hold one.
 ///
 /// # Panics
 /// If the times are not finite or not in order.
@@ -279,8 +283,9 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
 
-        /// A catch that there is stays in every piece that holds it, however large or small: at a place that the joints can
-        /// reach, moving along at the highest velocities that they can have there, which is lost first.
+        /// A catch that there is stays in every piece that holds it, however large or small: at a place that
+        /// the joints can reach, moving along at the highest velocities that they can have there, which is
+        /// lost first.
         #[test]
         fn a_catch_is_never_lost(
             ways in prop::array::uniform7(0.0f64..=1.0), toward in prop::array::uniform3(-1.0f64..=1.0),

@@ -18,8 +18,9 @@ use crate::{
     throw_proof::{AnyCatch, ThrowProof, prove_out_of_reach},
 };
 
-/// From the paper's start pose its near throw is out of reach: at every time, in every orientation, over the whole redundancy, even
-/// standing still at the catch. The flight is known from 50 ms on: six images at 100 Hz.
+/// From the paper's start pose its near throw is out of reach: at every time, in every orientation, over the
+/// whole redundancy, even standing still at the catch. The flight is known from 50 ms on: six images at 100
+/// Hz.
 #[test]
 fn the_papers_near_throw_is_out_of_reach_from_its_pose() {
     let desk = Desk::new("tennis_ball", |_| {});
@@ -49,7 +50,8 @@ fn the_papers_near_throw_is_out_of_reach_from_its_pose() {
     println!("proven by {} pieces", pieces.sum::<usize>());
 }
 
-/// What is caught is never proven out of reach: around the catches that plans promise something is always left.
+/// What is caught is never proven out of reach: around the catches that plans promise something is always
+/// left.
 #[test]
 fn no_catch_is_proven_out_of_reach() {
     let desk = Desk::new("tennis_ball", |_| {});

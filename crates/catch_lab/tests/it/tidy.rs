@@ -63,7 +63,8 @@ const CRATES: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// Modules of the brain in the order in which data flows; a module may use only those above it, and nothing of the crate's root.
+/// Modules of the brain in the order in which data flows; a module may use only those above it, and nothing
+/// of the crate's root.
 const STAGES: &[&str] = &[
     "perception",
     "trajectory_prediction",
@@ -100,7 +101,8 @@ const WITHOUT_CIRCLES: &[&str] = &[
 const MAX_LINES: usize = 400;
 const BANNED_NAMES: &[&str] = &["utils", "util", "helpers", "helper", "common", "misc", "types"];
 
-/// Parts of the standard library that the brain and the models that it uses must not touch: clocks, files, the environment.
+/// Parts of the standard library that the brain and the models that it uses must not touch: clocks, files,
+/// the environment.
 const BANNED_MODULES: &[&str] = &["fs", "time", "env", "net", "process", "thread"];
 /// What the brain must not do besides: use global random state, print, take its time.
 const BANNED_IN_BRAIN: &[&str] = &[
@@ -143,7 +145,8 @@ fn no_physics_engine_stands_below_the_contract() {
     }
 }
 
-/// Crate → the crates of the workspace that it depends on, by their real names whatever they are called inside.
+/// Crate → the crates of the workspace that it depends on, by their real names whatever they are called
+/// inside.
 fn crate_graph() -> BTreeMap<String, BTreeSet<String>> {
     let metadata = Command::new(env!("CARGO"))
         .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
@@ -196,7 +199,8 @@ fn modules_use_each_other_in_no_circle() {
     }
 }
 
-/// Modules directly below a crate's root or another folder, and what each uses of the others there, its tests aside.
+/// Modules directly below a crate's root or another folder, and what each uses of the others there, its tests
+/// aside.
 fn modules(folder: &str) -> BTreeMap<String, BTreeSet<String>> {
     let within = folder.split_once("/src").map_or("", |(_, within)| within);
     let path = format!("crate{}::", within.replace('/', "::"));
@@ -218,7 +222,8 @@ fn modules(folder: &str) -> BTreeMap<String, BTreeSet<String>> {
     found
 }
 
-/// Modules directly below `crate::` or another root that a text names, in paths like `crate::a::b` and `crate::{a, b::{c, d}}`.
+/// Modules directly below `crate::` or another root that a text names, in paths like `crate::a::b` and
+/// `crate::{a, b::{c, d}}`.
 fn paths_below(root: &str, code: &str) -> Vec<String> {
     let code: String = code.split_whitespace().collect::<Vec<_>>().join(" ");
     let identifier =
@@ -299,7 +304,8 @@ fn files_are_short_and_honestly_named() {
     }
 }
 
-/// No robot, gripper, object or camera rig is named in Rust: they are files. Texts for people may name them as examples.
+/// No robot, gripper, object or camera rig is named in Rust: they are files. Texts for people may name them
+/// as examples.
 #[test]
 fn things_are_not_named_in_rust() {
     let kinds = [Kind::Robot, Kind::Gripper, Kind::Object, Kind::Rig];

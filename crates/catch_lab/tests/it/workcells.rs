@@ -37,7 +37,8 @@ fn every_arm_catches_among_the_obstacles_of_every_workcell() {
     }
 }
 
-/// A wall between thrower and arm: the object meets it, and the oracle knows that nobody could have caught it.
+/// A wall between thrower and arm: the object meets it, and the oracle knows that nobody could have caught
+/// it.
 #[test]
 fn an_object_behind_a_wall_is_out_of_reach_and_hits_it() {
     let folder = tempfile::tempdir().unwrap();

@@ -4,8 +4,9 @@
 //!     min  ½ xᵀH x + gᵀx      subject to   aᵢᵀx ≤ bᵢ
 //!      x
 //! ```
-//! Mehrotra's predictor and corrector (Nocedal & Wright, Numerical Optimization, section 16.6). Unlike the active-set method of
-//! [`quadratic_program`](catch_bot::trajectory_optimization::quadratic_program) its number of steps hardly depends on how many rows bind.
+//! Mehrotra's predictor and corrector (Nocedal & Wright, Numerical Optimization, section 16.6). Unlike the
+//! active-set method of [`quadratic_program`](catch_bot::trajectory_optimization::quadratic_program) its
+//! number of steps hardly depends on how many rows bind.
 
 use catch_bot::trajectory_optimization::quadratic_program::ProgramFailure;
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -100,8 +101,8 @@ impl Program {
                 row.add_square_to(&mut matrix, z / s);
             }
             let factor = Cholesky::new(matrix).ok_or(ProgramFailure::Numerical)?;
-            // Predictor: straight for the optimum. Corrector: toward the centre, as far as the predictor fell short, and with the
-            // predictor's second-order error.
+            // Predictor: straight for the optimum. Corrector: toward the centre, as far as the predictor fell
+            // short, and with the predictor's second-order error.
             let products: Vec<f64> = s.iter().zip(&z).map(|(s, z)| s * z).collect();
             let step = |r_gap: &[f64]| self.step(&factor, &r_dual, &r_primal, r_gap, &s, &z);
             let (_, ds, dz) = step(&products);
@@ -186,7 +187,8 @@ mod tests {
 
     #[test]
     fn a_row_with_a_slack_is_broken_only_at_a_price() {
-        // x ≥ 1 for 10 a unit against ½x² + 3x, whose slope at x = 1 is 4: it pays to keep it. For 2 a unit it does not.
+        // x ≥ 1 for 10 a unit against ½x² + 3x, whose slope at x = 1 is 4: it pays to keep it. For 2 a unit
+        // it does not.
         for (price, expected) in [(10.0, 1.0), (2.0, -1.0)] {
             let program = Program {
                 hessian: DMatrix::from_diagonal(&DVector::from_vec(vec![1.0, 1e-9])),

@@ -17,8 +17,8 @@ const DAMPING: f64 = 1e-7;
 const ROUNDING: f64 = 1e-7;
 const SOLVED_RAD: f64 = 1e-8;
 
-/// Which variable is which: joint by joint the control points that are free, then s, the stretch of the duration if that is free,
-/// and the slacks of the errors.
+/// Which variable is which: joint by joint the control points that are free, then s, the stretch of the
+/// duration if that is free, and the slacks of the errors.
 pub(super) struct Layout {
     dof: usize,
     /// Bounds of the stretch, if it is free.
@@ -79,10 +79,12 @@ impl Layout {
         DVector::from_fn(self.variables() + self.slacks(), |i, _| x.get(i).copied().unwrap_or(1e-2))
     }
 
-    /// Rows that keep positions, velocities and accelerations within the limits; `None` if the start alone breaks one.
+    /// Rows that keep positions, velocities and accelerations within the limits; `None` if the start alone
+    /// breaks one.
     ///
-    /// Where t are the knots, the velocity has the control points Vᵢ = 3·(Pᵢ₊₁ − Pᵢ)/(tᵢ₊₄ − tᵢ₊₁), the acceleration
-    /// Aᵢ = 2·(Vᵢ₊₁ − Vᵢ)/(tᵢ₊₄ − tᵢ₊₂), and each curve stays within the hull of its own (de Boor, ch. IX and X).
+    /// Where t are the knots, the velocity has the control points Vᵢ = 3·(Pᵢ₊₁ − Pᵢ)/(tᵢ₊₄ − tᵢ₊₁), the
+    /// acceleration Aᵢ = 2·(Vᵢ₊₁ − Vᵢ)/(tᵢ₊₄ − tᵢ₊₂), and each curve stays within the hull of its own (de
+    /// Boor, ch. IX and X).
     pub fn limit_rows(&self, problem: &Problem) -> Option<Vec<Row>> {
         let (t, n) = (&problem.knots_s, self.fixed.len() + self.free);
         let velocity: Vec<Vec<f64>> = (0..n - 1)
@@ -122,8 +124,9 @@ impl Layout {
         Some(rows)
     }
 
-    /// Two rows |Σ coefficientᵢ·Pᵢ| ≤ limit for one joint, scaled to a unit normal; none where nothing is free, and
-    /// `None` where that alone is too much. Where it is one of the stretched motion, |Σ coefficientᵢ·Pᵢ| ≤ limit·stretch.
+    /// Two rows |Σ coefficientᵢ·Pᵢ| ≤ limit for one joint, scaled to a unit normal; none where nothing is
+    /// free, and `None` where that alone is too much. Where it is one of the stretched motion, |Σ
+    /// coefficientᵢ·Pᵢ| ≤ limit·stretch.
     fn add_limit(
         &self,
         rows: &mut Vec<Row>,
@@ -242,7 +245,8 @@ impl Layout {
         for (sign, bound) in [(1.0, high + room), (-1.0, room - low)] {
             rows.push(Row { first: self.fraction(), a: vec![sign], slack: None, bound });
         }
-        // The trust region: a joint's position control points have rows of their own already, which it can only tighten.
+        // The trust region: a joint's position control points have rows of their own already, which it can
+        // only tighten.
         for variable in 0..self.fraction() {
             for sign in [1.0, -1.0] {
                 rows.push(Row { first: variable, a: vec![sign], slack: None, bound: radius + sign * x[variable] });
@@ -273,7 +277,8 @@ impl Layout {
         0.5 * problem.comfort_weight * far - problem.speed_weight * x[self.fraction()]
     }
 
-    /// Sum of what the errors exceed their tolerances by, here or, by the linearization, a step away from here.
+    /// Sum of what the errors exceed their tolerances by, here or, by the linearization, a step away from
+    /// here.
     pub fn violation(
         &self,
         problem: &Problem,

@@ -16,7 +16,8 @@ pub struct Problem<'a> {
     pub start: Setpoint,
     /// What of the start it keeps.
     pub keeps_start: StartState,
-    /// By what factors its duration may differ from that of the knots. Waypoints are met at their knots' times stretched as much.
+    /// By what factors its duration may differ from that of the knots. Waypoints are met at their knots'
+    /// times stretched as much.
     pub stretch: [f64; 2],
     /// That factor of the guess.
     pub stretch_guess: f64,

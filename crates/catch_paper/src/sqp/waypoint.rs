@@ -68,8 +68,8 @@ pub struct Linearized {
 }
 
 impl Linearized {
-    /// The same with the orientation in axes of which the first is that of the turn that is left. So a bound of the first is one of the
-    /// angle, as in Drake.
+    /// The same with the orientation in axes of which the first is that of the turn that is left. So a bound
+    /// of the first is one of the angle, as in Drake.
     pub fn aligned(mut self) -> Self {
         let turn: Vector3<f64> = self.error.fixed_rows::<3>(3).into();
         let axes = Rotation3::rotation_between(&turn, &Vector3::x()).unwrap_or_default();
@@ -88,12 +88,12 @@ impl Waypoint {
         (0..3).map(|i| worst[i] - self.tolerance.of(3 * i)).fold(0.0, f64::max)
     }
 
-    /// The errors of an arm at `q`, `dq`, the gripper's point being to move at `fraction`·v_WO unless the waypoint gives the
-    /// fraction.
+    /// The errors of an arm at `q`, `dq`, the gripper's point being to move at `fraction`·v_WO unless the
+    /// waypoint gives the fraction.
     ///
-    /// With zᵢ the axis of joint i through oᵢ and cᵢ = zᵢ × (p − oᵢ), the velocity is v = Σ cᵢ·q̇ᵢ. As ∂cᵢ/∂q_j is z_j × cᵢ for
-    /// j ≤ i and zᵢ × c_j beyond (Siciliano et al., Robotics, section 3.2, differentiated),
-    /// ∂v/∂q_j = z_j × Σ_{i ≥ j} cᵢ·q̇ᵢ + (Σ_{i < j} zᵢ·q̇ᵢ) × c_j.
+    /// With zᵢ the axis of joint i through oᵢ and cᵢ = zᵢ × (p − oᵢ), the velocity is v = Σ cᵢ·q̇ᵢ. As
+    /// ∂cᵢ/∂q_j is z_j × cᵢ for j ≤ i and zᵢ × c_j beyond (Siciliano et al., Robotics, section 3.2,
+    /// differentiated), ∂v/∂q_j = z_j × Σ_{i ≥ j} cᵢ·q̇ᵢ + (Σ_{i < j} zᵢ·q̇ᵢ) × c_j.
     pub fn linearize(&self, robot: &Robot, q: &JointVector, dq: &JointVector, fraction: f64) -> Linearized {
         let X_WL = robot.link_poses(q);
         let X_now = robot.gripper_in(&X_WL);

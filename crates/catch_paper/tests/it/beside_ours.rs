@@ -9,7 +9,8 @@ use crate::synthetic::{self, Noise, Normal, Shape};
 
 const TRIALS: usize = 30;
 
-/// Errors of position in metres and of orientation in radians, tracking from starts that are off by 2 cm and 10°.
+/// Errors of position in metres and of orientation in radians, tracking from starts that are off by 2 cm and
+/// 10°.
 fn errors(estimator: &mut dyn PoseEstimator, shape: &Shape, reference: &ReferenceModel) -> [Vec<f64>; 2] {
     let cameras = synthetic::flight_rig();
     let mut errors = [Vec::new(), Vec::new()];
@@ -29,7 +30,8 @@ fn errors(estimator: &mut dyn PoseEstimator, shape: &Shape, reference: &Referenc
     errors
 }
 
-/// Both find every pose; half of the paper's are within 5 mm and 8°, and on the same images ours are nearer on average.
+/// Both find every pose; half of the paper's are within 5 mm and 8°, and on the same images ours are nearer
+/// on average.
 #[test]
 fn icp_gives_the_pose_less_well_than_the_distance_field() {
     for (name, shape) in Shape::all() {
@@ -49,7 +51,8 @@ fn icp_gives_the_pose_less_well_than_the_distance_field() {
     }
 }
 
-/// As the code does it: from the world's origin, metres away, to the object, and never by the search of all orientations.
+/// As the code does it: from the world's origin, metres away, to the object, and never by the search of all
+/// orientations.
 #[test]
 fn icp_starts_from_the_origin_if_it_starts_from_its_last_pose() {
     let (_, shape) = Shape::all().into_iter().next().unwrap();

@@ -8,8 +8,8 @@ use nalgebra::Vector3;
 const DISTURBANCE_MPS2: f64 = 5.0;
 const DISTURBANCE_HZ: f64 = 2.0;
 
-/// A disturbance that begins some time after the first contact with the gripper, at a step of the physics: whatever the rate of
-/// observations.
+/// A disturbance that begins some time after the first contact with the gripper, at a step of the physics:
+/// whatever the rate of observations.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Disturbance {
     after_s: f64,

@@ -1,9 +1,9 @@
-//! Random numbers by counting: each is a pure function of where it belongs, so that what is rendered, and in which order,
-//! changes none of them.
+//! Random numbers by counting: each is a pure function of where it belongs, so that what is rendered, and in
+//! which order, changes none of them.
 //!
-//! The numbers of a key are the outputs of SplitMix64 (Steele, Lea & Flood, Fast splittable pseudorandom number generators,
-//! 2014), of which every one can be computed without those before it: output n is mixed(key + (n + 1)·γ). Keys form a tree:
-//! scene, camera, frame, purpose.
+//! The numbers of a key are the outputs of SplitMix64 (Steele, Lea & Flood, Fast splittable pseudorandom
+//! number generators, 2014), of which every one can be computed without those before it: output n is
+//! mixed(key + (n + 1)·γ). Keys form a tree: scene, camera, frame, purpose.
 
 use crate::random_streams::{Draws, Stream, mixed};
 
@@ -51,8 +51,8 @@ pub(super) fn unit(bits: u32) -> f64 {
 
 /// A standard normal number out of 32 random bits: the quantile of (bits + ½)/2³², at most 6.3 in size.
 ///
-/// Rational approximation with a relative error below 1.2e-9 (P. J. Acklam, An algorithm for computing the inverse normal
-/// cumulative distribution function, 2003).
+/// Rational approximation with a relative error below 1.2e-9 (P. J. Acklam, An algorithm for computing the
+/// inverse normal cumulative distribution function, 2003).
 #[inline]
 pub(super) fn normal(bits: u32) -> f64 {
     const CENTRE: [f64; 6] = [
@@ -127,8 +127,8 @@ mod tests {
         assert!(normal(0) < -6.2 && normal(u32::MAX) > 6.2 && normal(u32::MAX).is_finite());
     }
 
-    /// Against the moments of the normal distribution, with their standard errors over a million numbers; the numbers of one
-    /// key, and the first numbers of neighbouring keys.
+    /// Against the moments of the normal distribution, with their standard errors over a million numbers; the
+    /// numbers of one key, and the first numbers of neighbouring keys.
     #[test]
     fn numbers_of_a_key_and_of_neighbouring_keys_are_normal_and_independent() {
         const COUNT: u64 = 1_000_000;

@@ -17,8 +17,8 @@ use super::{
 
 /// The cameras of one scene: where they truly stand, and the random streams of their images.
 ///
-/// What a pixel shows is a pure function of the scene, its seed and index, the camera, the number of the exposure and the
-/// pixel: which other pixels, cameras or exposures are read out changes nothing.
+/// What a pixel shows is a pure function of the scene, its seed and index, the camera, the number of the
+/// exposure and the pixel: which other pixels, cameras or exposures are read out changes nothing.
 #[derive(Debug, Clone)]
 pub struct DepthCameras {
     cameras: Vec<CameraModel>,
@@ -117,8 +117,8 @@ impl DepthCameras {
         self.key.part(camera as u64).part(Purpose::Exposures as u64).part(exposure)
     }
 
-    /// The images of exposure number `exposure` of every camera that are not lost; with `labelled` also which pixels truly show the
-    /// object.
+    /// The images of exposure number `exposure` of every camera that are not lost; with `labelled` also which
+    /// pixels truly show the object.
     pub fn capture(
         &self,
         renderer: &Renderer,
@@ -244,8 +244,8 @@ impl Image<'_> {
         }
     }
 
-    /// Replaces each depth that was met by what `change` makes of the pixel's number in the full image, its place in this one
-    /// and that depth.
+    /// Replaces each depth that was met by what `change` makes of the pixel's number in the full image, its
+    /// place in this one and that depth.
     fn changed(mut self, change: impl Fn(u64, usize, f64) -> f32) -> Self {
         let (window, columns) = (self.window, u64::from(self.camera.width_px));
         let mut at = 0;
@@ -295,8 +295,8 @@ impl StereoNoise {
 
     /// The part `window` of an image as matching sees it along depth edges, before noise.
     ///
-    /// A pixel around which a nearer surface is within `edge_px` may show that surface, or a disparity anywhere between both; one
-    /// around which there is only a farther one, the latter.
+    /// A pixel around which a nearer surface is within `edge_px` may show that surface, or a disparity
+    /// anywhere between both; one around which there is only a farther one, the latter.
     fn with_edges<'a>(&self, exact: &Image<'a>, window: PixelWindow, key: Key) -> Image<'a> {
         let key = key.part(Place::Edges as u64);
         let jump = (EDGE_JUMP_PX / (exact.camera.focal_px * self.baseline_m)) as f32;
@@ -343,7 +343,8 @@ impl StereoNoise {
     }
 }
 
-/// For each pixel of an image that is `wide` pixels wide what `pick` chooses among all within `reach` rows and columns.
+/// For each pixel of an image that is `wide` pixels wide what `pick` chooses among all within `reach` rows
+/// and columns.
 fn among_neighbours(values: &[f32], wide: usize, reach: usize, pick: impl Fn(f32, f32) -> f32 + Copy) -> Vec<f32> {
     let merge =
         |into: &mut [f32], from: &[f32]| into.iter_mut().zip(from).for_each(|(into, from)| *into = pick(*into, *from));

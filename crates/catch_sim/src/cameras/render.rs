@@ -29,15 +29,16 @@ pub enum Readout<'a> {
     Full,
     /// One window per camera, cut to the image; cameras beyond the end of the list read out all.
     Windows(&'a [PixelWindow]),
-    /// The box around the object's image, which a sensor that tells objects apart tracks by itself; empty where the object is
-    /// out of sight.
+    /// The box around the object's image, which a sensor that tells objects apart tracks by itself; empty
+    /// where the object is out of sight.
     Object,
 }
 
 /// The surfaces that cameras may see, prepared once; each scene only brings poses.
 ///
-/// A pixel's depth is that of the nearest surface on the ray through the pixel's centre, exact for the meshes. It does not
-/// depend on which other pixels are read out, so a window equals the same part of the full image bit for bit.
+/// A pixel's depth is that of the nearest surface on the ray through the pixel's centre, exact for the
+/// meshes. It does not depend on which other pixels are read out, so a window equals the same part of the
+/// full image bit for bit.
 #[derive(Debug, Clone)]
 pub struct Renderer {
     arm: ArmSurface,
@@ -52,8 +53,8 @@ impl Renderer {
         Self { arm: ArmSurface::new(robot, gripper), object: RayCaster::new(object), floor_visible }
     }
 
-    /// One frame per camera, without any error: depth in metres along the optical axis, NaN where there is no surface; with
-    /// `labelled` also which pixels show the object. The cameras stand where their models say.
+    /// One frame per camera, without any error: depth in metres along the optical axis, NaN where there is no
+    /// surface; with `labelled` also which pixels show the object. The cameras stand where their models say.
     pub fn render(&self, cameras: &[CameraModel], scene: &Scene, readout: Readout, labelled: bool) -> Vec<DepthFrame> {
         let view = self.view(scene);
         let frame_of = |(index, camera): (usize, &CameraModel)| {
@@ -89,7 +90,8 @@ impl<'a> View<'a> {
         self
     }
 
-    /// The pixels of camera number `index` that are read out; a window around the object is widened by `margin_px`.
+    /// The pixels of camera number `index` that are read out; a window around the object is widened by
+    /// `margin_px`.
     pub fn window(&self, index: usize, camera: &CameraModel, readout: Readout, margin_px: u32) -> PixelWindow {
         match readout {
             Readout::Full => camera.full_window(),
@@ -105,7 +107,8 @@ impl<'a> View<'a> {
     pub fn image<'c>(&self, camera: &'c CameraModel, window: PixelWindow, channels: Channels) -> Image<'c> {
         let mut image = Image::empty(camera, window, channels);
         image.add_body(&Sight::new(camera, &self.object), true);
-        // From near to far, because what is known to be hidden costs little. The order is the same for all windows.
+        // From near to far, because what is known to be hidden costs little. The order is the same for all
+        // windows.
         let mut others: Vec<_> = self.others.iter().map(|body| Sight::new(camera, body)).collect();
         others.retain(|body| body.window.intersection(&window).area() > 0);
         others.sort_by(|one, two| one.nearest_m.total_cmp(&two.nearest_m));
@@ -141,7 +144,8 @@ impl<'a> Sight<'a> {
             // The camera's plane cuts the ball around the body, whose image is then unbounded.
             camera.full_window()
         } else {
-            // Image coordinates of the ball's tangents, x/z = (x·z ± r·√(x² + z² − r²))/(z² − r²), and of the box's corners.
+            // Image coordinates of the ball's tangents, x/z = (x·z ± r·√(x² + z² − r²))/(z² − r²), and of the
+            // box's corners.
             let R_CB = X_BC.rotation.to_rotation_matrix().transpose();
             let [a, b, c] = [0, 1, 2].map(|axis| R_CB * Vector3::ith(axis, caster.half_size()[axis]));
             let corners = [a + b + c, a + b - c, a - b + c, a - b - c].map(|corner| [corner, -corner]);
@@ -205,8 +209,8 @@ impl<'a> Image<'a> {
     /// Adds a body wherever it is nearer than all before it.
     pub fn add_body(&mut self, body: &Sight, is_object: bool) {
         let part = body.window.intersection(&self.window);
-        // Rays are cast in the body's frame: origin C, direction R_BC·((u − cx)/f, (v − cy)/f, 1), whose third component of one
-        // makes the ray's parameter the depth.
+        // Rays are cast in the body's frame: origin C, direction R_BC·((u − cx)/f, (v − cy)/f, 1), whose
+        // third component of one makes the ray's parameter the depth.
         let Sight { X_BC, caster, .. } = body;
         let R_BC = X_BC.rotation.to_rotation_matrix();
         let origin = Point3::from(X_BC.translation.vector);

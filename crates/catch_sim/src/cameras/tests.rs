@@ -128,8 +128,8 @@ fn a_ball_covers_the_pixels_of_its_outline() {
     let scene = Scene { capture_s: 0.7, X_WL: &robot.link_poses(&q), width_m: 0.11, X_WO: &X_WO };
     let frames = renderer.render(&flight_rig(), &scene, Readout::Object, true);
     let pixels = labelled_pixels(&frames);
-    // The outline is an ellipse with the area π·f²·r²·√(d² − r²)/(z² − r²)^(3/2) at the distance d and depth z: 193 pixels in
-    // all twenty cameras.
+    // The outline is an ellipse with the area π·f²·r²·√(d² − r²)/(z² − r²)^(3/2) at the distance d and depth
+    // z: 193 pixels in all twenty cameras.
     let outline = |camera: &CameraModel| {
         let p_C = camera.X_WC.inverse() * Point3::from(X_WO.translation.vector);
         let square = 0.0336_f64.powi(2);
@@ -226,7 +226,8 @@ fn a_reference_scan_lies_on_the_surface_all_around() {
             }
         }
     }
-    // A disc of radius r·f/√(d² − r²) = 6.09 px has an area of 116 pixels; in the middle of the grid it covers 120 centres.
+    // A disc of radius r·f/√(d² − r²) = 6.09 px has an area of 116 pixels; in the middle of the grid it
+    // covers 120 centres.
     assert_eq!(count, 32 * 120);
     assert!((sum / count as f64).norm() < 1e-4, "seen evenly from all sides");
 }

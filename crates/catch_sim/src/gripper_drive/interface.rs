@@ -4,8 +4,8 @@
 use catch_body::Gripper;
 use catch_cell::{GripperMove, GripperState};
 
-/// The reported width and speed are rounded to this, in metres and m/s: the unit of the command set (Schunk, WSG series, PROFIBUS interface,
-/// register WIDTH).
+/// The reported width and speed are rounded to this, in metres and m/s: the unit of the command set (Schunk,
+/// WSG series, PROFIBUS interface, register WIDTH).
 const WIDTH_STEP_M: f64 = 1e-5;
 /// Natural frequency of the position controller in rad/s, below a third of the rate at which it runs.
 pub(super) const BANDWIDTH_RADPS: f64 = 300.0;
@@ -44,8 +44,9 @@ impl Interface {
 
     /// When the fingers begin a move that is sent at `sent_s`.
     ///
-    /// The command is under way for a constant time and is then taken by the next cycle, which comes U[0, 1] cycles later: the
-    /// latency is uniform over one cycle around its mean. A mean below half a cycle leaves no time for the way.
+    /// The command is under way for a constant time and is then taken by the next cycle, which comes U[0, 1]
+    /// cycles later: the latency is uniform over one cycle around its mean. A mean below half a cycle leaves
+    /// no time for the way.
     pub fn takes_effect_s(&self, sent_s: f64) -> f64 {
         if self.latency_s == 0.0 {
             return sent_s;
@@ -97,8 +98,8 @@ impl Ramp {
         self.mass_kg * self.acceleration_mps2 / 2.0
     }
 
-    /// The setpoint at `time_s` and its rate; then one step ahead. It waits for fingers that are `lead_m` behind: something keeps
-    /// them.
+    /// The setpoint at `time_s` and its rate; then one step ahead. It waits for fingers that are `lead_m`
+    /// behind: something keeps them.
     pub fn advance(&mut self, time_s: f64, order: &GripperMove, actual_m: f64, lead_m: f64) -> [f64; 2] {
         let step_s = (time_s - self.time_s).max(0.0);
         self.time_s = time_s;

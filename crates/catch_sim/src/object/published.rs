@@ -7,8 +7,8 @@ use serde::Deserialize;
 use super::ThrownObject;
 use crate::object_shape::{ColliderPart, Load, ShapeFields, Solid};
 
-/// Mass properties as the paper's simulator has them, whatever a body of that shape can have. Without a shape of its own, points are
-/// in O: along the axes of the shape, from the centre of mass of uniform density.
+/// Mass properties as the paper's simulator has them, whatever a body of that shape can have. Without a shape
+/// of its own, points are in O: along the axes of the shape, from the centre of mass of uniform density.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PublishedFields {

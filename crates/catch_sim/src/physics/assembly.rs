@@ -42,7 +42,8 @@ pub(super) fn assemble(
     let finger_kg = gripper.finger_mass_kg + settings.drive_mass_kg;
     let stiffness = Stiffness::of(object, finger_kg);
     let object = builder.add_object(object, release);
-    // The engine would take the masses into account in the first step only, but the kinematics below need them.
+    // The engine would take the masses into account in the first step only, but the kinematics below need
+    // them.
     for (_, body) in builder.bodies.iter_mut() {
         body.recompute_mass_properties_from_colliders(&builder.colliders);
     }
@@ -53,8 +54,8 @@ pub(super) fn assemble(
         num_solver_iterations: settings.substeps,
         contact_recycling: false,
         friction_model: engine::FrictionModel::Coulomb,
-        // Fast bodies would be swept against what is fixed: the floor, and nothing can be behind it, and obstacles, which are thicker
-        // than what an object flies in a step.
+        // Fast bodies would be swept against what is fixed: the floor, and nothing can be behind it, and
+        // obstacles, which are thicker than what an object flies in a step.
         max_ccd_substeps: 0,
         ..Default::default()
     };
@@ -83,8 +84,8 @@ pub(super) fn assemble(
 }
 
 impl World {
-    /// Takes the object out and puts another one in, which has just been released. Friction and restitution of all contacts are
-    /// those of the new one from now on.
+    /// Takes the object out and puts another one in, which has just been released. Friction and restitution
+    /// of all contacts are those of the new one from now on.
     pub fn exchange_object(&mut self, object: &ThrownObject, release: &Release, friction: f64, restitution: f64) {
         self.bodies.remove(
             self.object,
@@ -141,7 +142,8 @@ impl Builder {
         }
     }
 
-    /// The arm's links and joints. The last link carries the gripper's housing; it is returned with the pose of G in it.
+    /// The arm's links and joints. The last link carries the gripper's housing; it is returned with the pose
+    /// of G in it.
     fn add_arm(
         &mut self,
         robot: &Robot,
@@ -175,8 +177,8 @@ impl Builder {
         (links[robot.dof()], robot.X_LG, joints)
     }
 
-    /// Two fingers that slide along the x axis of G, the left one towards −x. Their frames lie on G when their inner faces
-    /// meet in the middle.
+    /// Two fingers that slide along the x axis of G, the left one towards −x. Their frames lie on G when
+    /// their inner faces meet in the middle.
     fn add_fingers(&mut self, gripper: &Gripper, hand: engine::RigidBodyHandle, X_HG: &Pose) -> [Axis; 2] {
         let X_WH = super::convert::from_pose(self.bodies[hand].position());
         let mut closed = gripper.finger_contacts(0.0).into_iter().zip(gripper.finger_inertias(0.0));
@@ -198,7 +200,8 @@ impl Builder {
         })
     }
 
-    /// Sets joint positions, damping and rotor inertia. The tree was put together with all coordinates at zero.
+    /// Sets joint positions, damping and rotor inertia. The tree was put together with all coordinates at
+    /// zero.
     fn set_coordinates(&mut self, mount: Mount, joints: &[Axis], fingers: &[Axis; 2], finger_m: f64) {
         let index = self.multibodies.rigid_body_link(fingers[0].child).expect("fingers are part of the tree").multibody;
         let multibody = self.multibodies.get_multibody_mut(index).expect("the tree exists");

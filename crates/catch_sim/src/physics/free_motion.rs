@@ -1,8 +1,8 @@
 //! Motion of the object while nothing touches it.
 //!
-//! The engine integrates orientation to first order, which puts a tumbling banana 12 mrad off at the catch in the median and
-//! 159 mrad at most. Between contacts the object is a single rigid body whose motion is known almost in closed form, so it is
-//! integrated here instead.
+//! The engine integrates orientation to first order, which puts a tumbling banana 12 mrad off at the catch in
+//! the median and 159 mrad at most. Between contacts the object is a single rigid body whose motion is known
+//! almost in closed form, so it is integrated here instead.
 
 use catch_body::{Pose, Twist};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
@@ -30,8 +30,8 @@ impl FreeBody {
         Self { mass_kg: object.mass_kg, inertia_kgm2: object.inertia_kgm2, inverse_inertia }
     }
 
-    /// Pose and velocity after `duration_s`, under constant gravity, force and torque in W; the force acts on the centre of mass,
-    /// where the frame has its origin here.
+    /// Pose and velocity after `duration_s`, under constant gravity, force and torque in W; the force acts on
+    /// the centre of mass, where the frame has its origin here.
     ///
     /// Translation is exact.
     pub fn advanced(
@@ -50,8 +50,8 @@ impl FreeBody {
 
     /// Orientation and angular velocity in W after `duration_s` under a constant torque in W.
     ///
-    /// Rotation follows q̇ = ½·ω·q with ω = R·I⁻¹·Rᵀ·L and L(t) = L₀ + τ·t, by Runge and Kutta's method of fourth order: momentum is
-    /// kept to rounding, whatever the error of the orientation.
+    /// Rotation follows q̇ = ½·ω·q with ω = R·I⁻¹·Rᵀ·L and L(t) = L₀ + τ·t, by Runge and Kutta's method of
+    /// fourth order: momentum is kept to rounding, whatever the error of the orientation.
     pub fn rotated(
         &self,
         (q_WO, angular): (&UnitQuaternion<f64>, &Vector3<f64>),

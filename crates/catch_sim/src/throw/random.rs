@@ -7,8 +7,8 @@ use serde::Deserialize;
 use super::check_range;
 use crate::{conditions::Conditions, random_streams::Draws};
 
-/// A distribution of throws. Every one passes the base's axis (x = y = 0) at a drawn distance and height; where it comes from and
-/// how long it takes are drawn too. With that the throw is determined.
+/// A distribution of throws. Every one passes the base's axis (x = y = 0) at a drawn distance and height;
+/// where it comes from and how long it takes are drawn too. With that the throw is determined.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RandomMotion {
@@ -32,8 +32,8 @@ pub(super) struct RandomMotion {
     /// When it is there, after the release.
     #[serde(deserialize_with = "quantity::flight_s")]
     passage_s: [f64; 2],
-    /// The length of the arm for which the passage is given; for a shorter arm it is nearer and lower in proportion. Without it the
-    /// passage is the same for all arms.
+    /// The length of the arm for which the passage is given; for a shorter arm it is nearer and lower in
+    /// proportion. Without it the passage is the same for all arms.
     #[serde(default, deserialize_with = "quantity::distance_m")]
     arm_length_m: Option<f64>,
 }
@@ -80,10 +80,10 @@ impl RandomMotion {
 
     /// Position and velocity of a release.
     ///
-    /// Without wind the flight is in a vertical plane. It touches the cylinder of radius r about the axis where it is nearest:
-    /// seen from above, at the point of the circle whose tangent goes through the release, acos(r/d) away from it. That
-    /// point, its height and the time are drawn, so drag is met by aiming; wind blows the flight off that point, and so do other
-    /// aerodynamic forces.
+    /// Without wind the flight is in a vertical plane. It touches the cylinder of radius r about the axis
+    /// where it is nearest: seen from above, at the point of the circle whose tangent goes through the
+    /// release, acos(r/d) away from it. That point, its height and the time are drawn, so drag is met by
+    /// aiming; wind blows the flight off that point, and so do other aerodynamic forces.
     pub fn draw(&self, conditions: &Conditions, draws: &mut Draws) -> (Point3<f64>, Vector3<f64>) {
         let azimuth = draws.between(self.azimuth_deg).to_radians();
         let distance = draws.between(self.distance_m);
@@ -107,8 +107,9 @@ impl RandomMotion {
 /// No throw is faster.
 const MOST_SPEED_MPS: f64 = 200.0;
 
-/// The velocity with which a flight that begins at `p_WO` is at `target_W` after `time_s`: that of a parabola, corrected by what
-/// the flight with drag misses the target by until it does not. A target that no throw reaches through the air leaves the parabola.
+/// The velocity with which a flight that begins at `p_WO` is at `target_W` after `time_s`: that of a
+/// parabola, corrected by what the flight with drag misses the target by until it does not. A target that no
+/// throw reaches through the air leaves the parabola.
 fn aimed(p_WO: Point3<f64>, target_W: Point3<f64>, time_s: f64, conditions: &Conditions) -> Vector3<f64> {
     let parabola = (target_W - p_WO) / time_s - dynamics::gravity() * (time_s / 2.0);
     let mut v_WO = parabola;

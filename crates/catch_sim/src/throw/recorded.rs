@@ -59,8 +59,9 @@ impl RecordedFlight {
         &self.0
     }
 
-    /// The motion at `time_s` after the release; `None` before it and once the recording has ended. Between two states the position
-    /// is the cubic with their velocities, and the orientation follows the shortest rotation.
+    /// The motion at `time_s` after the release; `None` before it and once the recording has ended. Between
+    /// two states the position is the cubic with their velocities, and the orientation follows the shortest
+    /// rotation.
     pub fn at(&self, time_s: f64) -> Option<RecordedState> {
         let next = self.0.partition_point(|it| it.time_s <= time_s);
         let (from, to) = (self.0.get(next.checked_sub(1)?)?, self.0.get(next)?);
@@ -93,22 +94,25 @@ pub enum FlightSource {
     /// By the arena's physics, from the recorded release on.
     #[default]
     Released,
-    /// Along the recorded track until something touches it or the recording ends, and by the arena's physics from there on.
+    /// Along the recorded track until something touches it or the recording ends, and by the arena's physics
+    /// from there on.
     Recorded,
 }
 
-/// Recorded throws: the first throw is the first recording, and after the last one they begin anew. Each is turned about the vertical and
-/// moved so that it passes the base's axis (x = y = 0) at a drawn distance and height.
+/// Recorded throws: the first throw is the first recording, and after the last one they begin anew. Each is
+/// turned about the vertical and moved so that it passes the base's axis (x = y = 0) at a drawn distance and
+/// height.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct RecordedMotion {
-    /// Folder of the recordings, from this file on: CSV files of `t,x,y,z` or `t,x,y,z,qx,qy,qz,qw` in seconds and metres, in the
-    /// order of their names. Without orientations every throw draws one, and the spin of the scenario.
+    /// Folder of the recordings, from this file on: CSV files of `t,x,y,z` or `t,x,y,z,qx,qy,qz,qw` in
+    /// seconds and metres, in the order of their names. Without orientations every throw draws one, and the
+    /// spin of the scenario.
     tracks: String,
     /// Axis of the recordings that points up; the one against which the object accelerates if it is left out.
     up: Option<Axis>,
-    /// `"released"`: it flies by the arena's physics from the recorded release on. `"recorded"`: it moves along the recording until
-    /// something touches it.
+    /// `"released"`: it flies by the arena's physics from the recorded release on. `"recorded"`: it moves
+    /// along the recording until something touches it.
     flight: FlightSource,
     /// Where the thrower stands, seen from the base: counterclockwise from x.
     #[serde(deserialize_with = "quantity::angle_deg")]
@@ -121,10 +125,12 @@ pub(super) struct RecordedMotion {
     /// Its height there.
     #[serde(deserialize_with = "quantity::place_m")]
     passage_height_m: [f64; 2],
-    /// When it is there, after the release; later where it would have been released less than 0.2 m above the floor.
+    /// When it is there, after the release; later where it would have been released less than 0.2 m above the
+    /// floor.
     #[serde(deserialize_with = "quantity::flight_s")]
     passage_s: [f64; 2],
-    /// The length of the arm for which the passage is given; for a shorter arm it is nearer and lower in proportion.
+    /// The length of the arm for which the passage is given; for a shorter arm it is nearer and lower in
+    /// proportion.
     #[serde(deserialize_with = "quantity::distance_m")]
     arm_length_m: f64,
     /// The recordings.
@@ -194,8 +200,8 @@ impl RecordedMotion {
         Self { passage_distance_m, passage_height_m, ..self.clone() }
     }
 
-    /// The recording number `index`, with the orientation of the object in the axes of the tracked body; `q_WO` is that of an object
-    /// whose orientation was not recorded, which then spins as `conditions` say.
+    /// The recording number `index`, with the orientation of the object in the axes of the tracked body;
+    /// `q_WO` is that of an object whose orientation was not recorded, which then spins as `conditions` say.
     pub fn draw(
         &self,
         conditions: &Conditions,
@@ -295,7 +301,8 @@ mod tests {
         assert!(flight.at(-0.01).is_none() && flight.at(0.6).is_none());
     }
 
-    /// Each passes the axis where it is drawn to, comes from where the thrower stands, and is a rotation of what was recorded.
+    /// Each passes the axis where it is drawn to, comes from where the thrower stands, and is a rotation of
+    /// what was recorded.
     #[test]
     fn throws_pass_within_reach() {
         let conditions = calm();

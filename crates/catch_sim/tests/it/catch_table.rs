@@ -1,8 +1,8 @@
 //! The outcome of 63 catches by a fixed hand, against MuJoCo.
 //!
-//! The fingers start to close at t = 0 at a speed s each; a ball flies in along −y and would reach the middle of the fingers at
-//! t = (gap left beside it)/s + δ. Whether it is caught depends on when and how fast the fingers meet it: the table is
-//! the finest sieve for contact settings that we know.
+//! The fingers start to close at t = 0 at a speed s each; a ball flies in along −y and would reach the middle
+//! of the fingers at t = (gap left beside it)/s + δ. Whether it is caught depends on when and how fast the
+//! fingers meet it: the table is the finest sieve for contact settings that we know.
 
 use catch_body::Gripper;
 use catch_cell::GripperMove;

@@ -29,7 +29,8 @@ impl Grip {
         let gripper = setting::gripper();
         let p_WG = Point3::new(0.0, 0.0, 2.0);
         let mut release = setting::release([0.0, gripper.grasp_centre_y_m, 2.0], [0.0; 3]);
-        // Round things have 32 flat strips: one of them faces each finger, so that nothing rolls from strip to strip.
+        // Round things have 32 flat strips: one of them faces each finger, so that nothing rolls from strip
+        // to strip.
         release.q_WO = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI / 32.0);
         let world = setting::fixed_hand(settings, p_WG, &gripper, width_m, object, &release);
         let mut drive = match settings.drive_mass_kg {
@@ -161,7 +162,8 @@ fn shaken_objects_stay_in_the_grasp() {
     }
 }
 
-/// Upside down and whichever way else it hangs, and pushed as hard again, a squeezed object stays; without friction it does not.
+/// Upside down and whichever way else it hangs, and pushed as hard again, a squeezed object stays; without
+/// friction it does not.
 #[test]
 fn what_is_held_stays_whichever_way_the_hand_is_turned() {
     for (name, width_m) in [("tennis_ball", 0.068), ("pill_bottle", 0.052), ("banana", 0.031)] {
@@ -205,7 +207,8 @@ fn restitution_is_exact() {
     }
 }
 
-/// Two fingers that close without a motor meet a ball at once: each rebounds at e times its speed, and the ball stays where it is.
+/// Two fingers that close without a motor meet a ball at once: each rebounds at e times its speed, and the
+/// ball stays where it is.
 #[test]
 #[expect(clippy::print_stdout, reason = "the figure of docs/reference/checks.md")]
 fn restitution_of_a_ball_between_two_closing_fingers_is_exact() {

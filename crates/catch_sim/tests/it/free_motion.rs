@@ -74,9 +74,9 @@ fn the_arm_falls_as_in_mujoco() {
     assert_eq!(cases_seen, 3);
 }
 
-/// Without rotors and damping the arm is chaotic: its wrist turns at tens of rad/s, and errors of integration grow tenfold in
-/// 0.1 s. MuJoCo's own semi-implicit Euler is off by as much at the same step. What remains is discretization: it vanishes in
-/// proportion to the step.
+/// Without rotors and damping the arm is chaotic: its wrist turns at tens of rad/s, and errors of integration
+/// grow tenfold in 0.1 s. MuJoCo's own semi-implicit Euler is off by as much at the same step. What remains
+/// is discretization: it vanishes in proportion to the step.
 #[test]
 fn a_bare_chain_of_links_falls_as_in_mujoco() {
     let Golden { gripper_width_m, cases } = golden();

@@ -1,4 +1,5 @@
-//! The object in free flight, against laws of mechanics and against SciPy; `tests/golden/README.md` says how the numbers were made.
+//! The object in free flight, against laws of mechanics and against SciPy; `tests/golden/README.md` says how
+//! the numbers were made.
 
 use catch_body::{InputError, TriangleMesh};
 use catch_sim::{Release, ThrownObject, physics::World};

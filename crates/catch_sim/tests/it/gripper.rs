@@ -1,4 +1,5 @@
-//! The gripper with the limits of a real one: how fast it closes, how hard it presses, when it obeys and what it tells.
+//! The gripper with the limits of a real one: how fast it closes, how hard it presses, when it obeys and what
+//! it tells.
 
 use catch_body::DriveControl;
 use catch_cell::{GraspState, GripperMove, GripperState};
@@ -64,7 +65,8 @@ fn run(world: &mut World, drive: &mut GripperDrive, steps: u32) -> Vec<Sample> {
     (0..steps).map(step).collect()
 }
 
-/// 43 mm at 420 mm/s take 102 ms and gathering speed takes another 42 ms; asked for far more, it gives no more.
+/// 43 mm at 420 mm/s take 102 ms and gathering speed takes another 42 ms; asked for far more, it gives no
+/// more.
 #[test]
 fn it_closes_no_faster_than_the_real_one() {
     let (mut world, mut drive) = (hand(false), drive(0));

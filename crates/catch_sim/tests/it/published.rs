@@ -1,5 +1,5 @@
-//! What the paper's simulator allows and a robot does not: references that jump, a sensor that closes the gripper, bodies that there
-//! are not.
+//! What the paper's simulator allows and a robot does not: references that jump, a sensor that closes the
+//! gripper, bodies that there are not.
 
 use catch_body::JointVector;
 use catch_cell::{ArmTrajectory, BSpline, Cell, Command, TrajectoryId};
@@ -136,7 +136,8 @@ fn free_flight_is_that_of_the_centre_of_mass() {
     }
 }
 
-/// The authors' banana bulges the other way, and is seen from the origin of their frame. The box is that of their mesh.
+/// The authors' banana bulges the other way, and is seen from the origin of their frame. The box is that of
+/// their mesh.
 #[test]
 fn the_published_banana_has_the_box_of_the_authors_mesh() {
     let banana = setting::object("banana");
@@ -156,8 +157,9 @@ fn as_published() -> ArenaConfig {
     scenario["arena"].clone().try_into().unwrap()
 }
 
-/// A controller that computes by a lighter arm's dynamics lets the arm sag, against inertias that are not those of that arm either:
-/// within a tenth as fast as in Drake 1.24, where joints 2 and 4 are at these velocities after 49 ms.
+/// A controller that computes by a lighter arm's dynamics lets the arm sag, against inertias that are not
+/// those of that arm either: within a tenth as fast as in Drake 1.24, where joints 2 and 4 are at these
+/// velocities after 49 ms.
 #[test]
 fn an_arm_that_is_taken_for_another_sags_as_in_the_papers_simulator() {
     let start = setting::robot().joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();

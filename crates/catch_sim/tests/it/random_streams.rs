@@ -1,4 +1,5 @@
-//! What is drawn: distributions, independence of each other, and scenes that depend on nothing but their number.
+//! What is drawn: distributions, independence of each other, and scenes that depend on nothing but their
+//! number.
 
 use std::thread;
 
@@ -14,8 +15,8 @@ use crate::setting;
 
 const COUNT: u64 = 2000;
 
-/// The largest distance between the empirical distribution of numbers from 0 to 1 and the uniform one (Kolmogorov–Smirnov);
-/// above 1.63/√n in one of a hundred samples.
+/// The largest distance between the empirical distribution of numbers from 0 to 1 and the uniform one
+/// (Kolmogorov–Smirnov); above 1.63/√n in one of a hundred samples.
 pub fn furthest_from_uniform(mut fractions: Vec<f64>) -> f64 {
     fractions.sort_by(f64::total_cmp);
     let count = fractions.len() as f64;
@@ -112,7 +113,8 @@ fn switching_one_thing_on_changes_nothing_else() {
         let (calm, calm_release) = scene(&paper(), index);
         assert_eq!(calm.friction, 0.667);
         assert_eq!((calm.drag_per_m, calm.spin_radps, calm.wind_mps), (0.0, Vector3::zeros(), Vector3::zeros()));
-        // Aimed through the air, the same throw leaves faster, but from the same place and in the same orientation.
+        // Aimed through the air, the same throw leaves faster, but from the same place and in the same
+        // orientation.
         assert_eq!((full_release.p_WO, full_release.q_WO), (calm_release.p_WO, calm_release.q_WO));
         assert!(full_release.v_WO.norm() > calm_release.v_WO.norm());
         let mut friction = scene(&ArenaConfig { friction: all.friction, ..paper() }, index).0;
@@ -131,7 +133,8 @@ fn switching_one_thing_on_changes_nothing_else() {
     }
 }
 
-/// Where and when a flight is nearest to the base's axis, by fine steps, and its momentum about the axis there.
+/// Where and when a flight is nearest to the base's axis, by fine steps, and its momentum about the axis
+/// there.
 fn passage(conditions: &Conditions, release: &Release) -> (f64, f64, f64, f64) {
     const STEP_S: f64 = 1e-4;
     let (mut p, mut v, mut time_s) = (release.p_WO, release.v_WO, 0.0);

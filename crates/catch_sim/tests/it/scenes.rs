@@ -183,7 +183,8 @@ fn numbers_that_go_bad_are_contained() {
     assert!(last.q != JointVector::zeros());
 }
 
-/// An object that moves along a recording is where it was recorded until something touches it or the recording ends.
+/// An object that moves along a recording is where it was recorded until something touches it or the
+/// recording ends.
 #[test]
 fn a_recorded_flight_is_followed_until_a_contact() {
     let height_m = |time_s: f64| 1.0 - 2.0 * time_s;

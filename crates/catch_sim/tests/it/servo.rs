@@ -232,7 +232,8 @@ fn trajectories_are_spliced_where_the_next_one_starts() {
     let mut arena = arena(&from);
     let Ok(_) = arena.sense();
     send(&mut arena, 1, first.clone());
-    // Sent long before it starts; the third would continue the second and is dropped when another takes its place.
+    // Sent long before it starts; the third would continue the second and is dropped when another takes its
+    // place.
     send(&mut arena, 2, second.clone());
     send(&mut arena, 3, motion(0.8, 0.4, from + step * 2.0, from));
     send(&mut arena, 4, motion(0.8, 0.5, from + step * 2.0, from + step));

@@ -1,7 +1,9 @@
 //! A throw as a small moving picture, for pages that show nothing else.
 //!
-//! The arena's ray caster draws it: arm, gripper and object shaded, their shadows on the floor, the object's true path behind
-//! it and the predicted one before it. Without ground truth the arm is as it was sensed, and object and true path are absent. All images share one palette, and each holds only the rectangle that changed.
+//! The arena's ray caster draws it: arm, gripper and object shaded, their shadows on the floor, the object's
+//! true path behind it and the predicted one before it. Without ground truth the arm is as it was sensed, and
+//! object and true path are absent. All images share one palette, and each holds only the rectangle that
+//! changed.
 
 mod camera;
 mod palette;

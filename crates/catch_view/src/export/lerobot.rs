@@ -1,8 +1,9 @@
 //! Throws as a LeRobotDataset of version 3.0: an episode per throw, a frame per image, depth images included.
 //!
-//! Layout and keys are those of the `lerobot` package (`lerobot/datasets`): `meta/info.json`, `meta/stats.json`, `meta/tasks.parquet`,
-//! `meta/episodes/`, and a Parquet file for each episode in `data/`. Depth images are 16-bit PNG in millimetres within these files, 0 where
-//! nothing was measured; `info.is_depth_map` marks them.
+//! Layout and keys are those of the `lerobot` package (`lerobot/datasets`): `meta/info.json`,
+//! `meta/stats.json`, `meta/tasks.parquet`, `meta/episodes/`, and a Parquet file for each episode in `data/`.
+//! Depth images are 16-bit PNG in millimetres within these files, 0 where nothing was measured;
+//! `info.is_depth_map` marks them.
 
 mod columns;
 mod statistics;
@@ -233,7 +234,8 @@ struct Frames {
 }
 
 impl Frames {
-    /// Throws with the scenario's brain. A frame has what was sensed and, as its action, what the robot controller asks for one image later.
+    /// Throws with the scenario's brain. A frame has what was sensed and, as its action, what the robot
+    /// controller asks for one image later.
     fn of(setup: &Setup, seed: u64, index: u64) -> (Self, bool) {
         let (mut episode, mut brain) = (Episode::new(setup, seed, index), setup.brain(seed, index));
         let dof = setup.robot.dof();

@@ -1,7 +1,8 @@
 //! A throw as an MCAP file with Foxglove's messages, for the tools that roboticists already use.
 //!
-//! Messages are Protocol Buffers, which both Foxglove and Rerun read (Rerun shows nothing of Foxglove's messages in JSON). Times
-//! count from the throw, or are those of a real cell's clock. The file is not compressed: pure Rust has no writer of the compressions that MCAP knows.
+//! Messages are Protocol Buffers, which both Foxglove and Rerun read (Rerun shows nothing of Foxglove's
+//! messages in JSON). Times count from the throw, or are those of a real cell's clock. The file is not
+//! compressed: pure Rust has no writer of the compressions that MCAP knows.
 //!
 //! | topic | message | what |
 //! |---|---|---|
@@ -16,11 +17,11 @@
 //! | `/hand/planned` | `foxglove.PoseInFrame` | where the hand is meant to be at the catch |
 //! | `/log` | `foxglove.Log` | the story of the throw |
 //!
-//! Arm and object are as they truly were. In a recording without ground truth the arm is as it was sensed, and torques, `/object/true`
-//! and the object's frame and shape are absent.
+//! Arm and object are as they truly were. In a recording without ground truth the arm is as it was sensed,
+//! and torques, `/object/true` and the object's frame and shape are absent.
 //!
-//! Metadata: `recording` (title, version), and of a simulated throw `scene` (object, throw, seed, index), `scenario` (its TOML) and
-//! `outcome` (each column of a row of an evaluation, as JSON).
+//! Metadata: `recording` (title, version), and of a simulated throw `scene` (object, throw, seed, index),
+//! `scenario` (its TOML) and `outcome` (each column of a row of an evaluation, as JSON).
 
 mod messages;
 mod scene;

@@ -46,7 +46,8 @@ fn draw(path: &Path, size: (u32, u32), paint: impl FnOnce(&Canvas) -> Result<(),
     Ok(whole_file::write(path, svg)?)
 }
 
-/// Shares, 0 to 1, over distances (upward) and speeds (to the right), in colours; what there is none of stays white.
+/// Shares, 0 to 1, over distances (upward) and speeds (to the right), in colours; what there is none of stays
+/// white.
 ///
 /// # Errors
 /// A file that cannot be written.

@@ -5,7 +5,8 @@ use std::fmt::Write;
 use catch_body::{Pose, Robot, shape::Capsule};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
-/// The URDF with the robot's capsules as `<visual>` primitives of its links; as it is where it has visuals already.
+/// The URDF with the robot's capsules as `<visual>` primitives of its links; as it is where it has visuals
+/// already.
 pub fn with_visuals(urdf: &str, robot: &Robot) -> String {
     if urdf.contains("<visual") {
         return urdf.to_owned();
@@ -42,7 +43,8 @@ fn visuals(robot: &Robot, link: usize) -> String {
     text
 }
 
-/// The segment of a capsule as a cylinder along z: its middle with its direction in the link's frame, and its length in metres.
+/// The segment of a capsule as a cylinder along z: its middle with its direction in the link's frame, and its
+/// length in metres.
 pub fn segment(capsule: &Capsule) -> (Pose, f64) {
     let along = capsule.to - capsule.from;
     // Half a turn about x where both are opposite.

@@ -1,8 +1,9 @@
 //! A throw as one page: three dimensions, a time slider, and plots tied to it.
 //!
-//! The page is one file without any reference to another, so it opens from a disk without a network. `page.html` is its body,
-//! `page.css` and `viewer.js` in the folder above what pages share, `scene.js` the three dimensions in WebGL 2, `plots.js` the plots and `controls.js` the slider; what was
-//! recorded goes in as JSON with packed numbers.
+//! The page is one file without any reference to another, so it opens from a disk without a network.
+//! `page.html` is its body, `page.css` and `viewer.js` in the folder above what pages share, `scene.js` the
+//! three dimensions in WebGL 2, `plots.js` the plots and `controls.js` the slider; what was recorded goes in
+//! as JSON with packed numbers.
 
 mod data;
 mod points;

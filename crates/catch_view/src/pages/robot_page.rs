@@ -1,4 +1,5 @@
-//! An imported robot as one page: its links' shapes with the capsules around them, and a slider for each joint.
+//! An imported robot as one page: its links' shapes with the capsules around them, and a slider for each
+//! joint.
 
 use catch_body::{Robot, TriangleMesh, shape::Capsule};
 use serde::Serialize;
@@ -51,8 +52,8 @@ enum Kind {
 /// A link's surface in its frame, and the capsules around it.
 pub type LinkShape<'a> = (&'a TriangleMesh, &'a [Capsule]);
 
-/// The page of a robot with the shapes of its base and of each moved link; `coverage` says whether the capsules hold them all,
-/// in a sentence, too.
+/// The page of a robot with the shapes of its base and of each moved link; `coverage` says whether the
+/// capsules hold them all, in a sentence, too.
 pub fn page<'a>(
     robot: &Robot,
     shapes: impl IntoIterator<Item = LinkShape<'a>>,

@@ -1,8 +1,9 @@
-//! Samples of what an arm can reach: joint positions drawn from what all joints can reach within a time, and the pose of the
-//! gripper there.
+//! Samples of what an arm can reach: joint positions drawn from what all joints can reach within a time, and
+//! the pose of the gripper there.
 //!
-//! What counts is the time of the joint that takes longest. The samples come in chunks with a random stream each, and of two
-//! samples of one pose the earlier stays: the map is the same in whatever order the chunks are drawn, by however many threads.
+//! What counts is the time of the joint that takes longest. The samples come in chunks with a random stream
+//! each, and of two samples of one pose the earlier stays: the map is the same in whatever order the chunks
+//! are drawn, by however many threads.
 
 use catch_body::{JointVector, MAX_JOINTS, Robot};
 use rand::{RngExt, SeedableRng};

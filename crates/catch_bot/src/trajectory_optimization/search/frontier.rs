@@ -59,7 +59,8 @@ impl Frontier {
 }
 
 impl Ord for HeapEntry {
-    /// The cheapest is the greatest, and among equals the one that came first, so that the order is always the same.
+    /// The cheapest is the greatest, and among equals the one that came first, so that the order is always
+    /// the same.
     fn cmp(&self, other: &Self) -> Ordering {
         other.order.total_cmp(&self.order).then(other.node.cmp(&self.node))
     }

@@ -202,8 +202,9 @@ impl<'a, 's> Pass<'a, 's> {
         None
     }
 
-    /// Adds every catch time on the flight, and with each every grasp that suits it there and that the elbow can reach. Grasps that are
-    /// too far by the reach map are among them only if the search is thorough, as the map is no proof.
+    /// Adds every catch time on the flight, and with each every grasp that suits it there and that the elbow
+    /// can reach. Grasps that are too far by the reach map are among them only if the search is thorough, as
+    /// the map is no proof.
     fn add_grid(&mut self, offset: f64) {
         let (motion, &mut Search { start, incoming, reach, .. }) = (&self.planner.motion, &mut *self.search);
         let base = self.base();

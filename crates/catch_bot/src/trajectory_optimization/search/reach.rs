@@ -18,7 +18,8 @@ impl Reach<'_> {
         self.map.is_in_time(X_WG, catch_s - self.departure_s)
     }
 
-    /// What the reachability margin there costs about: where the arm needs most of the time, it needs most of what its joints can do.
+    /// What the reachability margin there costs about: where the arm needs most of the time, it needs most of
+    /// what its joints can do.
     pub fn margin_cost(&self, X_WG: &Pose, catch_s: f64) -> f64 {
         REACH_FRACTION * (self.map.least_time_s(X_WG) / (catch_s - self.departure_s)).min(1.0).powi(4)
     }

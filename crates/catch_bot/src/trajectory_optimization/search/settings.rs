@@ -21,7 +21,8 @@ impl Default for Weights {
     }
 }
 
-/// Weight on the reachability margin: the largest fraction of a joint's reach that is used, raised to the fourth power.
+/// Weight on the reachability margin: the largest fraction of a joint's reach that is used, raised to the
+/// fourth power.
 pub const REACH_FRACTION: f64 = 1.0;
 /// Weight on the distance from the comfortable pose, per radian.
 pub const COMFORT: f64 = 0.02;
@@ -29,13 +30,14 @@ pub const COMFORT: f64 = 0.02;
 pub const DELAY: f64 = 0.5;
 /// Latest catch, in seconds from the start.
 pub const LATEST_CATCH_S: f64 = 2.0;
-/// What a failure of a grasp adds to the cost of all of its catches in the order of the search: what fails at one time mostly fails at the
-/// next as well, and a pass may not do more than so much work.
+/// What a failure of a grasp adds to the cost of all of its catches in the order of the search: what fails at
+/// one time mostly fails at the next as well, and a pass may not do more than so much work.
 pub const FAILURE_PENALTY: f64 = 0.2;
-/// Postures of a catch time and a grasp whose terminal velocities are sought: what a few could not do, similar ones usually cannot either.
+/// Postures of a catch time and a grasp whose terminal velocities are sought: what a few could not do,
+/// similar ones usually cannot either.
 pub const MAX_VELOCITY_TRIALS: usize = 3;
 /// Those for which a motion is tried.
 pub const MAX_MOTION_TRIALS: usize = 2;
-/// How much later than on the grid the second round tries what got as far as the swept-volume check or a motion, in seconds; negative for
-/// sooner.
+/// How much later than on the grid the second round tries what got as far as the swept-volume check or a
+/// motion, in seconds; negative for sooner.
 pub const NEARBY_S: [f64; 4] = [-0.001, -0.0005, 0.0005, 0.001];

@@ -49,7 +49,8 @@ impl Row {
         (self.square / freedom).sqrt() / scale
     }
 
-    /// The first rows of Jᵀ·W for an error of the pose's position: all, or those of position, velocity and drag.
+    /// The first rows of Jᵀ·W for an error of the pose's position: all, or those of position, velocity and
+    /// drag.
     pub fn by_position<const M: usize>(&self) -> SMatrix<f64, M, 3> {
         let mut by = SMatrix::<f64, M, 3>::zeros();
         by.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.shifts);

@@ -31,7 +31,8 @@ impl State {
     /// After a step.
     pub fn moved(&self, step: &SVector<f64, N>, config: &Config) -> Self {
         let turn = step.fixed_rows::<3>(TURN).into_owned();
-        // Drag never accelerates; half the prior's width below zero is left to noise. One that is known stays as it is.
+        // Drag never accelerates; half the prior's width below zero is left to noise. One that is known stays
+        // as it is.
         let least = -0.5 * config.drag_sd_per_m();
         let drag_step = if config.drag_sd_per_m() > 0.0 { step[DRAG] } else { 0.0 };
         // Nor does air speed up a spin.
@@ -61,8 +62,8 @@ impl State {
     }
 }
 
-/// H⁻¹·B, H being the information on the parameters. A decay that is known has no part in it. Where orientations are not seen, nothing ties
-/// the parameters of the rotation to any other.
+/// H⁻¹·B, H being the information on the parameters. A decay that is known has no part in it. Where
+/// orientations are not seen, nothing ties the parameters of the rotation to any other.
 pub fn solved<const C: usize>(
     H: &SMatrix<f64, N, N>,
     B: &SMatrix<f64, N, C>,

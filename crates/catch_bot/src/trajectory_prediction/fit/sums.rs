@@ -10,7 +10,8 @@ use super::{
 };
 use crate::perception::Symmetry;
 
-/// Error in scaled standard deviations per degree of freedom at which a pose's weight has fallen to a quarter.
+/// Error in scaled standard deviations per degree of freedom at which a pose's weight has fallen to a
+/// quarter.
 const OUTLIER_SD: f64 = 4.0;
 
 /// Sums over all poses.
@@ -24,11 +25,12 @@ pub struct Sums {
 }
 
 impl Problem<'_> {
-    /// Σ w·JᵀWJ and Σ w·JᵀWe. The noise of the process counts as for poses whose errors are scaled by `noise_scale`. To `correlated` is added
-    /// what errors that poses have in common do to the gradient.
+    /// Σ w·JᵀWJ and Σ w·JᵀWe. The noise of the process counts as for poses whose errors are scaled by
+    /// `noise_scale`. To `correlated` is added what errors that poses have in common do to the gradient.
     ///
-    /// With noise they are gathered from the oldest pose on: between two poses, Δt apart, impulses of variance q²·Δt have changed velocity and
-    /// angular velocity. An impulse u of age τ is τ·u in the position now and u in the velocity; drag and tumbling are left out of that.
+    /// With noise they are gathered from the oldest pose on: between two poses, Δt apart, impulses of
+    /// variance q²·Δt have changed velocity and angular velocity. An impulse u of age τ is τ·u in the
+    /// position now and u in the velocity; drag and tumbling are left out of that.
     pub fn sums<const M: usize>(
         &self,
         scale: f64,
@@ -80,8 +82,8 @@ impl Problem<'_> {
         }
     }
 
-    /// Adds a row, block by block: J is [1, ∂shift] on position, velocity and drag, and ∂turn on the rest. Of the information, the upper
-    /// triangle is filled.
+    /// Adds a row, block by block: J is [1, ∂shift] on position, velocity and drag, and ∂turn on the rest. Of
+    /// the information, the upper triangle is filled.
     fn add<const M: usize>(&self, sums: &mut Sums, correlated: Option<&mut CorrelatedSums<M>>, row: &Row, scale: f64) {
         let turns = self.turns();
         let H = &mut sums.information;
@@ -125,7 +127,8 @@ impl Problem<'_> {
         }
     }
 
-    /// The normal equations with the priors on drag and spin, and a trace of one on everything, for what is not observed.
+    /// The normal equations with the priors on drag and spin, and a trace of one on everything, for what is
+    /// not observed.
     pub fn with_priors(&self, sums: &Sums, state: &State, scale: f64) -> (SMatrix<f64, N, N>, SVector<f64, N>) {
         let mut information = sums.information / (scale * scale);
         let mut gradient = sums.gradient / (scale * scale);

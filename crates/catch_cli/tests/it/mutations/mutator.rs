@@ -1,4 +1,5 @@
-//! Changes files at random: bytes, numbers, words and lines of text, and how often and how deep parts of it stand.
+//! Changes files at random: bytes, numbers, words and lines of text, and how often and how deep parts of it
+//! stand.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

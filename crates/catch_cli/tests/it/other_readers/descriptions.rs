@@ -1,8 +1,9 @@
-//! Random descriptions of the whole of URDF, as Pinocchio and yourdfpy read them: poses, masses, limits and shapes.
+//! Random descriptions of the whole of URDF, as Pinocchio and yourdfpy read them: poses, masses, limits and
+//! shapes.
 //!
 //! Each is made from a seed. What the others read of the first 200 is kept in `descriptions.json`, which
-//! `UPDATE=1 cargo test --release -p catch_cli --test it descriptions` writes anew where both can be had; as many as one likes are
-//! compared by
+//! `UPDATE=1 cargo test --release -p catch_cli --test it descriptions` writes anew where both can be had; as
+//! many as one likes are compared by
 //!
 //! ```sh
 //! CATCHINGBOT_DESCRIPTIONS=10000 cargo test --release -p catch_cli --test it descriptions -- --ignored
@@ -149,8 +150,9 @@ fn text(seed: u64) -> String {
     format!("<?xml version=\"1.0\"?>\n<robot name=\"r{seed}\">\n{}\n</robot>\n", parts.join("\n"))
 }
 
-/// Sums over all links, joints and shapes, each weighted by its number: the point in the frame of each link; mass, centre of mass and
-/// moments of all; ends of the range, speed and effort of each joint; the point in the frame of each shape, and its size.
+/// Sums over all links, joints and shapes, each weighted by its number: the point in the frame of each link;
+/// mass, centre of mass and moments of all; ends of the range, speed and effort of each joint; the point in
+/// the frame of each shape, and its size.
 fn numbers(text: &str) -> Vec<f64> {
     let description = Description::from_urdf("a.urdf", text).unwrap_or_else(|fault| panic!("{fault}\n{text}"));
     let number = |name: &str| name[1..].parse::<f64>().unwrap() + 1.0;
@@ -175,7 +177,7 @@ fn numbers(text: &str) -> Vec<f64> {
             shapes.iter_mut().zip(of_shape).for_each(|(sum, it)| *sum += it);
         }
         for joint in description.joints_of(&name) {
-            let at = 0.5 * number(&joint.name).sin();
+            let at = 0.5 * libm::sin(number(&joint.name));
             let motion = match joint.kind {
                 JointKind::Revolute => {
                     Pose::from_parts(Default::default(), UnitQuaternion::from_axis_angle(&joint.axis, at))

@@ -1,4 +1,5 @@
-//! Calibration of the cameras of a simulated cell on its arm, and setups whose cameras are calibrated before anything is thrown.
+//! Calibration of the cameras of a simulated cell on its arm, and setups whose cameras are calibrated before
+//! anything is thrown.
 
 use std::{
     collections::BTreeMap,
@@ -42,7 +43,8 @@ pub struct ArenaSession {
     pub limit_violations: usize,
 }
 
-/// The settings of a calibration for the cameras of a cell that gives so many observations a second: what their data sheet says.
+/// The settings of a calibration for the cameras of a cell that gives so many observations a second: what
+/// their data sheet says.
 pub fn config(knowledge: &Knowledge, observations_hz: f64, seed: u64) -> Config {
     let by_default = Config::default();
     let first = knowledge.cameras.first();
@@ -92,7 +94,8 @@ pub fn true_cameras(setup: &Setup, seed: u64, index: u64) -> Vec<CameraModel> {
     DepthCameras::new(&setup.cameras, &setup.scenario.arena.depth, seed, index).cameras().to_vec()
 }
 
-/// Lets the arm go through poses chosen for cameras that are believed to stand as `guesses`, in the scene (`seed`, `index`).
+/// Lets the arm go through poses chosen for cameras that are believed to stand as `guesses`, in the scene
+/// (`seed`, `index`).
 pub fn run_session(setup: &Setup, config: &Config, guesses: &[CameraModel], seed: u64, index: u64) -> ArenaSession {
     let settings = setup.uncalibrated_config(seed, index).config().trajectory_optimization;
     let planner = MotionPlanner::new(setup.robot.clone(), setup.gripper.clone(), settings);
@@ -118,8 +121,9 @@ pub fn run_session(setup: &Setup, config: &Config, guesses: &[CameraModel], seed
     ArenaSession { session: run.into_session(), poses, robot_time_s: now_s, limit_violations }
 }
 
-/// The sightings of thrown objects, as the scenario has the throws, in the scene (`seed`, `index`) whose cameras were believed to stand as
-/// `believed` before they were calibrated. The arm rests. No throw is one of the scenes of `seed`.
+/// The sightings of thrown objects, as the scenario has the throws, in the scene (`seed`, `index`) whose
+/// cameras were believed to stand as `believed` before they were calibrated. The arm rests. No throw is one
+/// of the scenes of `seed`.
 pub fn observe_flights(
     setup: &Setup,
     calibration: &Calibration,
@@ -197,7 +201,8 @@ impl CalibratedCameras {
     }
 }
 
-/// Cameras as a calibration leaves them: one whose calibration did not converge stays where it was believed to stand.
+/// Cameras as a calibration leaves them: one whose calibration did not converge stays where it was believed
+/// to stand.
 pub fn calibrated_cameras(believed: &[CameraModel], found: &[CameraCalibration]) -> Vec<CameraModel> {
     let calibrated = |(camera, found): (&CameraModel, &CameraCalibration)| {
         let X_WC = if found.status == CalibrationStatus::Converged { found.X_WC } else { camera.X_WC };
@@ -206,7 +211,8 @@ pub fn calibrated_cameras(believed: &[CameraModel], found: &[CameraCalibration])
     believed.iter().zip(found).map(calibrated).collect()
 }
 
-/// What is found of a camera, with the covariance of what was believed before where the calibration did not converge.
+/// What is found of a camera, with the covariance of what was believed before where the calibration did not
+/// converge.
 fn claimed(found: CameraCalibration, settings: &CalibrationSettings) -> CameraCalibration {
     if found.status == CalibrationStatus::Converged {
         return found;
@@ -241,8 +247,8 @@ impl<T> BySeed<T> {
 }
 
 impl Setup {
-    /// The cameras as they were calibrated before the throws of `seed`; none where the scenario has no such calibration. It runs when
-    /// it is first asked for, which takes tens of seconds.
+    /// The cameras as they were calibrated before the throws of `seed`; none where the scenario has no such
+    /// calibration. It runs when it is first asked for, which takes tens of seconds.
     pub fn calibrated(&self, seed: u64) -> Option<Arc<CalibratedCameras>> {
         let settings = self.scenario.calibration.as_ref()?;
         Some(self.calibrations.get(seed, || CalibratedCameras::new(self, settings, seed)))

@@ -13,7 +13,8 @@ use catch_recording::{
     reach_map,
 };
 
-/// What somebody who owns a cell knows of it. Neither the truth nor any setting of the arena is within reach of what is made from this.
+/// What somebody who owns a cell knows of it. Neither the truth nor any setting of the arena is within reach
+/// of what is made from this.
 #[derive(Debug, Clone, Copy)]
 pub struct Knowledge<'a> {
     /// The brain's settings, of the scenario.
@@ -66,8 +67,8 @@ impl Setup {
         self.knowledge().config(None, seed, index)
     }
 
-    /// The brain's settings in one scene: those of the scenario, what is known of object and cameras beforehand, what a calibration claims,
-    /// and a seed.
+    /// The brain's settings in one scene: those of the scenario, what is known of object and cameras
+    /// beforehand, what a calibration claims, and a seed.
     pub fn brain_config(&self, seed: u64, index: u64) -> BrainSettings {
         self.knowledge().config(self.calibrated(seed).as_deref(), seed, index)
     }
@@ -81,7 +82,8 @@ impl Setup {
         self.known.get_or_init(|| Arc::new(make()))
     }
 
-    /// What the brain works out before anything flies, with the cameras as it believes them to stand in scenes of `seed`.
+    /// What the brain works out before anything flies, with the cameras as it believes them to stand in
+    /// scenes of `seed`.
     ///
     /// # Panics
     /// As [`known`](Self::known).

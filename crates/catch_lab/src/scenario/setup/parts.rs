@@ -36,7 +36,8 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// Finds them all. What `scenario` names otherwise than `of_file`, as which it was read, was named on the command line.
+    /// Finds them all. What `scenario` names otherwise than `of_file`, as which it was read, was named on the
+    /// command line.
     pub fn find(scenario: &Scenario, of_file: &Scenario, place: Place, choice: &Choice) -> Result<Self, InputError> {
         let find = |kind: Kind, asked: Option<&str>, named: &str, field: &str| {
             let nowhere = Origin::BuiltIn(PathBuf::new());
@@ -118,7 +119,8 @@ impl Parts {
         Ok(cameras.into_iter().map(|camera| CameraModel { sheet: Some(sheet.clone()), ..camera }).collect())
     }
 
-    /// What is known of the object: its file's figures, and a scan that its owner took, of `thrown`, by scanners with these errors.
+    /// What is known of the object: its file's figures, and a scan that its owner took, of `thrown`, by
+    /// scanners with these errors.
     pub fn known_object(&self, thrown: &ThrownObject, scanner: &DepthConfig) -> Result<KnownObject, InputError> {
         let figures = self.object.known_figures()?;
         let cameras = rig_from_toml(&self.reference_rig.file, &self.reference_rig.text)?;
@@ -136,8 +138,8 @@ impl Parts {
         Ok(self.throw.throw()?.for_arm(arm_length_m))
     }
 
-    /// Writes the names of all parts into the scenario, and into its own name those that a choice made different. Names only: results of
-    /// the same content are the same wherever the files lie.
+    /// Writes the names of all parts into the scenario, and into its own name those that a choice made
+    /// different. Names only: results of the same content are the same wherever the files lie.
     pub fn name(self, scenario: &mut Scenario, choice: &Choice) {
         let differs = |asked: Option<&str>, named: &str| asked.is_some_and(|it| it != named);
         if differs(choice.robot, &scenario.robot) {

@@ -7,7 +7,8 @@ use catch_sim::{Arena, FlightConditions, FreeFlight};
 
 use super::Setup;
 
-/// How long a flight may take until it meets the floor, in seconds. A longer one is no throw: a trial would not wait for it.
+/// How long a flight may take until it meets the floor, in seconds. A longer one is no throw: a trial would
+/// not wait for it.
 pub const LONGEST_FLIGHT_S: f64 = 5.0;
 /// Step with which a flight is followed to the floor, in seconds.
 const STEP_S: f64 = 5e-3;
@@ -31,7 +32,8 @@ impl Setup {
         self.check_release(&self.arena(seed, index), seed, index)
     }
 
-    /// Whether the object that has just been released in an arena, as throw number `index`, is clear of everything.
+    /// Whether the object that has just been released in an arena, as throw number `index`, is clear of
+    /// everything.
     ///
     /// # Errors
     /// If it is not.

@@ -1,4 +1,5 @@
-//! Statistical tests of each model of the cameras' errors against its own formula, and of what they may not depend on.
+//! Statistical tests of each model of the cameras' errors against its own formula, and of what they may not
+//! depend on.
 
 use catch_body::{JointVector, Pose, TriangleMesh, pose::look_at, shape::Cuboid};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
@@ -11,7 +12,8 @@ use crate::{
 
 use super::{super::DepthCameras, *};
 
-/// A camera that looks at the floor from a height, and its renderer; the object is out of sight, the arm behind it.
+/// A camera that looks at the floor from a height, and its renderer; the object is out of sight, the arm
+/// behind it.
 struct Wall {
     camera: CameraModel,
     renderer: Renderer,
@@ -76,7 +78,8 @@ fn moments(values: impl Iterator<Item = f64>) -> (f64, f64, f64) {
     (mean, squares / count - mean * mean, count)
 }
 
-/// Models whose pixels are all independent: the variance over an image of a wall has a relative standard error of √(2/n).
+/// Models whose pixels are all independent: the variance over an image of a wall has a relative standard
+/// error of √(2/n).
 #[test]
 fn the_spread_of_a_depth_is_that_of_the_formula() {
     let models = [
@@ -92,7 +95,8 @@ fn the_spread_of_a_depth_is_that_of_the_formula() {
             let depths = || frames[0].depth_m.iter().map(|depth| f64::from(*depth));
             let sd_m = model.sd_m(z_m, wall.camera.focal_px);
             let (mean, variance, count) = if model.stereo().is_some() {
-                // The error of the disparity is the normal one: σ(1/z) = σ(z)/z² exactly, σ(z) itself to first order.
+                // The error of the disparity is the normal one: σ(1/z) = σ(z)/z² exactly, σ(z) itself to
+                // first order.
                 moments(depths().map(|depth| z_m * z_m * (1.0 / z_m - 1.0 / depth)))
             } else {
                 moments(depths().map(|depth| depth - z_m))
@@ -111,7 +115,8 @@ fn the_spread_of_a_depth_is_that_of_the_formula() {
     }
 }
 
-/// Of the variance of the disparity, `common_fraction` is between the means of images and the rest within them.
+/// Of the variance of the disparity, `common_fraction` is between the means of images and the rest within
+/// them.
 #[test]
 fn an_image_has_its_fraction_of_the_error_in_common() {
     const FRAMES: u64 = 4000;
@@ -200,7 +205,8 @@ fn grazing_surfaces_are_missed() {
     assert!(bins.iter().filter(|bin| bin[1] > 100.0).count() >= 6);
 }
 
-/// Around the outline of a box that faces the camera before a floor: which pixels change, how many of them, and into what.
+/// Around the outline of a box that faces the camera before a floor: which pixels change, how many of them,
+/// and into what.
 #[test]
 fn edges_bleed_and_pixels_fly() {
     const EXPOSURES: u64 = 400;
@@ -218,7 +224,8 @@ fn edges_bleed_and_pixels_fly() {
     let depth = |x: i64, y: i64| f64::from(exact.depth_m[(y * wide + x) as usize]);
     let cameras = DepthCameras::new(rig, &stereo(noise), 2, 3);
     let window = [PixelWindow { left: 150, top: 90, width: 120, height: 120 }];
-    // Of pixels behind an edge and before one: how many there are, how many show the box, how many something between.
+    // Of pixels behind an edge and before one: how many there are, how many show the box, how many something
+    // between.
     let (mut behind, mut before, mut between) = ([0.0; 3], [0.0; 3], Vec::new());
     for exposure in 0..EXPOSURES {
         let frame = cameras.capture(&renderer, &scene, exposure, Readout::Windows(&window), true).swap_remove(0);
@@ -272,7 +279,8 @@ fn nothing_is_measured_out_of_range() {
     }
 }
 
-/// Images are lost independently: their number is binomial, and so is that of two cameras losing the same exposure.
+/// Images are lost independently: their number is binomial, and so is that of two cameras losing the same
+/// exposure.
 #[test]
 fn the_fraction_of_images_is_lost_that_should_be() {
     const EXPOSURES: u64 = 5000;
@@ -301,7 +309,8 @@ fn the_fraction_of_images_is_lost_that_should_be() {
     by_camera.iter().for_each(|found| check(EXPOSURES as f64, fraction, *found));
 }
 
-/// Images are lost in bursts: a run of lost ones has the length 1/((1 − p)·(1 − f)) on average, and as many are lost as without.
+/// Images are lost in bursts: a run of lost ones has the length 1/((1 − p)·(1 − f)) on average, and as many
+/// are lost as without.
 #[test]
 fn images_are_lost_in_bursts() {
     const EXPOSURES: u64 = 4000;
@@ -345,8 +354,9 @@ fn depths_have_steps() {
     }
 }
 
-/// Over many throws the fraction of the object's pixels that is missing is the one asked for; in one throw the same part of the
-/// object is missing in every exposure, and a neighbour of what is missing is mostly missing, too.
+/// Over many throws the fraction of the object's pixels that is missing is the one asked for; in one throw
+/// the same part of the object is missing in every exposure, and a neighbour of what is missing is mostly
+/// missing, too.
 #[test]
 fn patches_of_the_object_give_no_depth() {
     const THROWS: u64 = 150;
@@ -385,7 +395,8 @@ fn patches_of_the_object_give_no_depth() {
     }
     let (mean, variance, count) = moments(fractions.iter().copied());
     assert!((mean - fraction).abs() < 4.0 * (variance / count).sqrt(), "{mean} ± {}", variance.sqrt());
-    // A patch is some twelve pixels wide; neighbours that are drawn apart would be missing together in 0.3 of all cases.
+    // A patch is some twelve pixels wide; neighbours that are drawn apart would be missing together in 0.3 of
+    // all cases.
     assert!(same / pairs > 0.8, "patches are coherent: {}", same / pairs);
     // Without labels the same is missing, and nothing tells.
     let cameras = DepthCameras::new(&rig, &config(Drawn::Always(fraction)), 8, 0);

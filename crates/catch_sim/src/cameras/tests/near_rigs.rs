@@ -13,7 +13,8 @@ const MIN_PIXELS: usize = 30;
 /// Images in which a ball that nobody caught passes the arm's own body.
 const AFTER_CATCH: usize = 9;
 
-/// What a rig sees of the first throws of a kind, from the release until the ball is nearest to the base's axis, every 10 ms.
+/// What a rig sees of the first throws of a kind, from the release until the ball is nearest to the base's
+/// axis, every 10 ms.
 fn seen(rig: &str, throw: &str, throws: u64) -> Vec<Flight> {
     let read =
         |path: &str| std::fs::read_to_string(format!("{}/../../assets/{path}", env!("CARGO_MANIFEST_DIR"))).unwrap();

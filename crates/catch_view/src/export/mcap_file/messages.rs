@@ -11,7 +11,8 @@ pub const FLOAT32: i32 = 7;
 /// `INFO` of the levels of a log.
 pub const INFO: i32 = 2;
 
-/// Messages from tables: name and type of each field, and how it stands on the wire. Messages within others have no name on the wire.
+/// Messages from tables: name and type of each field, and how it stands on the wire. Messages within others
+/// have no name on the wire.
 macro_rules! messages {
     ($($(#[$about:meta])* $name:ident { $($field:ident: $kind:ty = [$($wire:tt)*],)* })*) => {
         $($(#[$about])* #[derive(Clone, PartialEq, Message)]

@@ -18,8 +18,8 @@ const HAND: Color = Color { r: 0.35, g: 0.37, b: 0.40, a: 1.0 };
 const OBSTACLE: Color = Color { r: 0.60, g: 0.65, b: 0.71, a: 1.0 };
 const OBJECT: Color = Color { r: 0.95, g: 0.55, b: 0.15, a: 1.0 };
 
-/// The scene at `time_s`: the arm's capsules in the frames of its `links`, the gripper's boxes in its own, what stands around them in
-/// that of the world, and the object's surface where it is known.
+/// The scene at `time_s`: the arm's capsules in the frames of its `links`, the gripper's boxes in its own,
+/// what stands around them in that of the world, and the object's surface where it is known.
 pub fn entities(
     robot: &Robot,
     links: &[&str],

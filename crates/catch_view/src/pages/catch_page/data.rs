@@ -26,7 +26,8 @@ const WITHOUT_PLAN_S: f64 = 0.8;
 /// Candidates for a grasp that are shown of each tick.
 const CANDIDATES: usize = 16;
 
-/// All that the page's scripts read. Poses are (x, y, z, qx, qy, qz, qw); times count from the beginning of the recording.
+/// All that the page's scripts read. Poses are (x, y, z, qx, qy, qz, qw); times count from the beginning of
+/// the recording.
 #[derive(Debug, Serialize)]
 pub struct PageData {
     version: &'static str,

@@ -12,7 +12,8 @@ use crate::{
 #[derive(Debug, Clone, Serialize)]
 pub struct PackedSurface<K = Part> {
     of: K,
-    /// The number of the arm's link whose frame it is in; the gripper's parts are in G, a finger around its own centre.
+    /// The number of the arm's link whose frame it is in; the gripper's parts are in G, a finger around its
+    /// own centre.
     link: usize,
     positions: Packed,
     triangles: Packed,

@@ -18,8 +18,8 @@ pub const MOST_MISSES_OF_A_STEP: usize = 3;
 /// Their folder beside the report.
 const FOLDER: &str = "misses";
 
-/// Throws the first `most` missed throws once more, which gives the same again, and writes their pages; returns the pages' paths
-/// relative to `folder` by the index of their row.
+/// Throws the first `most` missed throws once more, which gives the same again, and writes their pages;
+/// returns the pages' paths relative to `folder` by the index of their row.
 ///
 /// # Errors
 /// Files that cannot be written.

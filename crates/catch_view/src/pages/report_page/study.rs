@@ -13,7 +13,8 @@ use catch_lab::{
     study::{ObjectSummary, Outline, StepSummary},
 };
 
-/// The page of a study, which lies beside the folders of its steps; each of those has a report of its own named `report`.
+/// The page of a study, which lies beside the folders of its steps; each of those has a report of its own
+/// named `report`.
 pub fn study_page(outline: &Outline, steps: &[StepSummary], report: &str) -> String {
     let trials: usize = steps.iter().flat_map(|step| &step.objects).map(|it| it.all.trials).sum();
     let (alone, cumulative): (Vec<&StepSummary>, Vec<_>) = steps.iter().partition(|step| step.alone);
