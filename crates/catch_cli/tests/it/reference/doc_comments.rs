@@ -137,9 +137,22 @@ pub fn snake(name: &str) -> String {
 
 #[test]
 fn fields_and_variants_are_found() {
-    let text = "/// A thing.\n#[serde(rename_all = \"snake_case\", deny_unknown_fields)]\npub(crate) enum Thing {\n    /// None\n    \
-                /// at all.\n    NotOne,\n    /// One.\n    One(#[serde(deserialize_with = \"quantity::size_m\")] f64),\n    Two {\n        \
-                /// Long.\n        #[serde(deserialize_with = \"quantity::shape_m\")]\n        a_m: Option<f64>,\n    },\n}\n";
+    let text = r#"
+/// A thing.
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub(crate) enum Thing {
+    /// None
+    /// at all.
+    NotOne,
+    /// One.
+    One(#[serde(deserialize_with = "quantity::size_m")] f64),
+    Two {
+        /// Long.
+        #[serde(deserialize_with = "quantity::shape_m")]
+        a_m: Option<f64>,
+    },
+}
+"#;
     let [item] = &items(text)[..] else { panic!("one item") };
     let found: Vec<[&str; 4]> = item
         .fields
