@@ -228,11 +228,12 @@ impl Robot {
     /// This arm with the gripper's mass added to its last link, and the tool where the gripper grasps.
     ///
     /// The fingers count at their mean opening; where they stand changes the inertia by less than 1e-3 kg·m².
-    pub fn carrying(mut self, gripper: &Gripper) -> Self {
-        self.tool_G = Point3::new(0.0, gripper.grasp_centre_y_m, 0.0);
-        if let Some(last) = self.joints.last_mut() {
-            last.inertia = last.inertia.joined(&gripper.inertia(gripper.max_width_m / 2.0).transformed(&self.X_LG));
+    pub fn carrying(self, gripper: &Gripper) -> Self {
+        let mut this = self.with_mount_of(gripper);
+        this.tool_G = Point3::new(0.0, gripper.grasp_centre_y_m, 0.0);
+        if let Some(last) = this.joints.last_mut() {
+            last.inertia = last.inertia.joined(&gripper.inertia(gripper.max_width_m / 2.0).transformed(&this.X_LG));
         }
-        self
+        this
     }
 }

@@ -113,6 +113,7 @@ impl Preparation {
         reach_map: Option<Arc<ReachMap>>,
     ) -> Result<Self, InputError> {
         config.check()?;
+        let robot = robot.with_mount_of(&gripper);
         let reference = Arc::new(ReferenceModel::from_scan(reference_scan));
         let grasps = Arc::new(GraspSet::sample(&reference, &gripper, &config.grasp_selection));
         let arm_surface = ArmSurface::new(&robot, &gripper);

@@ -127,7 +127,9 @@ impl Brain {
         let seed = seed.checked(py, "seed", 0, crate::arguments::MOST)?;
         let settings: BrainSettings =
             InputError::parse_toml("config", &toml_text("config", config)?).map_err(input_fault)?;
-        check_waits_clear(&robot.model, &gripper.model, "workcell").map_err(input_fault)?;
+        let hand = gripper.model.clone();
+        let arm = robot.model.clone().with_mount_of(&hand);
+        check_waits_clear(&arm, &hand, "workcell").map_err(input_fault)?;
         let cell = RecordedCell {
             brain: BrainSettings { seed, ..settings }.given(&object.figures, &cameras),
             sources: robot.sources(gripper),
@@ -135,7 +137,6 @@ impl Brain {
             cameras: cameras.clone(),
             reference_scan: object.scan,
         };
-        let (arm, hand) = (robot.model.clone(), gripper.model.clone());
         let (dof, cameras) = (arm.dof(), cameras);
         let prepared = interruptible(py, move || {
             let map = reach_map::of(&arm);
