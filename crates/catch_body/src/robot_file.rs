@@ -544,6 +544,23 @@ pub(crate) mod tests {
         assert!(robot.joints.iter().all(|joint| joint.limits.jerk.is_none()));
     }
 
+    /// Franka's description turns its hand by −45° about the flange's axis; its fingers close along y.
+    #[test]
+    fn a_gripper_may_be_mounted_in_its_own_way() {
+        use nalgebra::{Point3, UnitQuaternion, Vector3};
+        let panda = named("panda");
+        let [wsg50, franka_hand] = ["wsg50", "franka_hand"].map(|name| {
+            let file = format!("{}/../../assets/grippers/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+            let gripper = crate::Gripper::from_toml(&file, &std::fs::read_to_string(&file).unwrap()).unwrap();
+            panda.clone().with_mount_of(&gripper).X_LG
+        });
+        assert_eq!(wsg50, panda.X_LG);
+        let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -std::f64::consts::FRAC_PI_4);
+        assert!((franka_hand.rotation * Vector3::x() - turned * Vector3::y()).norm() < 1e-9);
+        let flange = franka_hand * Point3::new(0.0, -0.033, 0.0);
+        assert!((flange - Point3::new(0.0, 0.0, 0.107)).norm() < 1e-9);
+    }
+
     #[test]
     fn a_jerk_limit_may_be_stated() {
         let with_jerk = |jerk: &str| {

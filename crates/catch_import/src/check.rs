@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use catch_body::{
-    Gripper, InputError,
-    robot_file::ignored_elements,
+    Gripper, InputError, Pose, Robot,
+    robot_file::{RobotFiles, ignored_elements},
     stated::{Assumption, assumptions},
     workcell::Workcell,
 };
 
 use catch_cell::DataSheet;
+use nalgebra::Vector3;
 
 use super::{
     gripper_check,
@@ -24,7 +25,6 @@ use catch_lab::{
     },
     study::Study,
 };
-use catch_recording::sources::{SourceNames, Sources};
 
 /// What a check found.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -117,14 +117,39 @@ impl Checked {
     }
 }
 
-/// What is assumed of a robot, and what its URDF says that nothing reads.
+/// The arm that a `robot.toml` and the `robot.urdf` beside it describe.
+fn robot_of(asset: &Asset) -> Result<Robot, InputError> {
+    let (urdf_file, urdf) = asset.read_text_beside("robot.urdf")?;
+    let files = RobotFiles { urdf_file: &urdf_file, urdf: &urdf, toml_file: &asset.file, toml: &asset.text };
+    Robot::from_files(&files)
+}
+
+/// Where a robot holds its gripper, what is assumed of it, and what its URDF says that nothing reads.
 fn notes_of_robot(asset: &Asset) -> Vec<String> {
-    let mut notes = notes_of_assumptions(asset);
+    let mut notes: Vec<String> = robot_of(asset).iter().flat_map(notes_of_mounts).collect();
+    notes.extend(notes_of_assumptions(asset));
     let ignored = asset.read_text_beside("robot.urdf").map(|(_, urdf)| ignored_elements(&urdf)).unwrap_or_default();
     if !ignored.is_empty() {
         notes.push(format!("robot.urdf: ignored are {}", ignored.join(", ")));
     }
     notes
+}
+
+/// Where grippers are mounted, and where their fingers close.
+fn notes_of_mounts(robot: &Robot) -> Vec<String> {
+    let link = robot.joints.last().map_or("", |it| it.link_name.as_str());
+    let numbers = |v: Vector3<f64>| {
+        // No negative zero.
+        let [x, y, z]: [f64; 3] = v.map(|it| (it * 1e3).round() / 1e3 + 0.0).into();
+        format!("({x:.3}, {y:.3}, {z:.3})")
+    };
+    let note = |name: &str, X_LG: &Pose| {
+        let at = numbers(X_LG.translation.vector);
+        let [closing, approach] = [Vector3::x(), Vector3::y()].map(|it| numbers(X_LG.rotation * it));
+        format!("{name} at {at} m in {link}: approaches along {approach}, its fingers close along {closing}")
+    };
+    let own = robot.own_X_LG.iter().map(|(name, X_LG)| note(name, X_LG));
+    std::iter::once(note("gripper", &robot.X_LG)).chain(own).collect()
 }
 
 /// Values that nobody published, those with the same reason together.
@@ -183,24 +208,7 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
     let (file, text) = (&asset.file, &asset.text);
     let result = match kind {
         Kind::Scenario => return faults_of_scenario(asset),
-        Kind::Robot => asset.read_text_beside("robot.urdf").and_then(|(urdf_file, robot_urdf)| {
-            let gripper = Asset::any_built_in(Kind::Gripper)?;
-            let sources = Sources {
-                robot_urdf,
-                robot_toml: text.clone(),
-                gripper_toml: gripper.text,
-                workcell_toml: None,
-                limit_scale: Default::default(),
-            };
-            sources
-                .parse(&SourceNames {
-                    robot_urdf: &urdf_file,
-                    robot_toml: file,
-                    gripper_toml: &gripper.file,
-                    workcell_toml: "",
-                })
-                .map(drop)
-        }),
+        Kind::Robot => robot_of(asset).map(drop),
         Kind::Gripper => Gripper::from_toml(file, text).map(drop),
         Kind::Object => InputError::first_of([asset.thrown_object().map(drop), asset.known_figures().map(drop)]),
         Kind::Camera => DataSheet::from_toml(file, text).map(drop),
