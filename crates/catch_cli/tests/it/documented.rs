@@ -27,7 +27,10 @@ esac
 "#;
 
 /// Pages whose blocks have a test of their own, because they need what has to be built first.
-const ELSEWHERE: &[(&str, &str)] = &[("use-it-from-python.md", "crates/catch_py/tests/test_documents.py")];
+const ELSEWHERE: &[(&str, &str)] = &[
+    ("own-cell-in-python.md", "crates/catch_py/tests/test_documents.py"),
+    ("use-it-from-python.md", "crates/catch_py/tests/test_documents.py"),
+];
 
 /// A description of an object such as readers have.
 const CAN: &str = r#"<sdf version="1.7"><model name="can"><link name="body">
