@@ -251,15 +251,17 @@ impl MotionPlanner {
                     let [q, dq, _] = spline.evaluate(time_s);
                     let most = self.config.velocity_scaling;
                     tables().all(|(i, joint)| dq[i].abs() <= most * joint.max_speed(q[i], dq[i]))
-                        && self.keeps_hand_speed(&q, &dq)
+                        && self.hand_speed_left(&q, &dq) >= 1.0 - ROUNDING
                 },
             )
     }
 
-    /// Whether the hand is slower than the maker allows, with some room for what is between samples.
-    pub(super) fn keeps_hand_speed(&self, q: &JointVector, dq: &JointVector) -> bool {
-        let most_mps = self.robot.max_hand_speed_mps.map(|it| it * HAND_SPEED_FRACTION);
-        most_mps.is_none_or(|most_mps| self.robot.hand_speed_mps(q, dq) <= most_mps)
+    /// How many times faster the hand may be than at these velocities, with some room for what is between
+    /// samples.
+    pub(super) fn hand_speed_left(&self, q: &JointVector, dq: &JointVector) -> f64 {
+        self.robot.max_hand_speed_mps.map_or(f64::INFINITY, |most_mps| {
+            HAND_SPEED_FRACTION * most_mps / self.robot.hand_speed_mps(q, dq).max(1e-9)
+        })
     }
 
     /// Whether speeds, torque limits and clearances hold along a trajectory, the hand holding the object from

@@ -64,7 +64,10 @@ impl PointToPoint<'_> {
     /// The best velocities within `bounds`.
     pub fn terminal_velocity(&self, bounds: &[Interval; MAX_JOINTS]) -> Option<TerminalVelocity> {
         let found = terminal_velocity(&self.jacobian, &self.v_WO, bounds, &self.weights, self.following.as_ref());
-        self.failures.solution(found).filter(|it| self.planner.keeps_hand_speed(&self.q, &it.dq))
+        let found = self.failures.solution(found)?;
+        let slowed = found.scaled(self.planner.hand_speed_left(&self.q, &found.dq).min(1.0));
+        let is_within = |(dq, bound): (&f64, &Interval)| (bound.low..=bound.high).contains(dq);
+        (slowed == found || slowed.dq.iter().zip(bounds).all(is_within)).then_some(slowed)
     }
 
     /// The best velocities within `bounds` that splines can have, `None` if there are none or their speed

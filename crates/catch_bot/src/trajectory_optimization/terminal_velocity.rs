@@ -75,6 +75,14 @@ pub struct TerminalVelocity {
     pub w_WG: Vector3<f64>,
 }
 
+impl TerminalVelocity {
+    /// The same motion at another speed.
+    pub fn scaled(&self, by: f64) -> Self {
+        let Self { dq, v_WG, speed_fraction, w_WG } = self;
+        Self { dq: dq * by, v_WG: v_WG * by, speed_fraction: speed_fraction * by, w_WG: w_WG * by }
+    }
+}
+
 /// The best joint velocities within `bounds`.
 ///
 /// `jacobian` is that of the grasp centre in W, `v_WO` the object's velocity in W in m/s, and `bounds` are

@@ -190,7 +190,8 @@ fn numbers(text: &str) -> Vec<f64> {
                 let stated = [lower, upper, joint.velocity.unwrap(), joint.effort.unwrap()];
                 limits.iter_mut().zip(stated).for_each(|(sum, it)| *sum += number(&joint.name) * it);
             }
-            waiting.push((joint.child.clone(), X_WL * joint.X_PL * motion));
+            let X_WP = X_WL;
+            waiting.push((joint.child.clone(), X_WP * joint.X_PL * motion));
         }
     }
     let whole = whole.map_or([0.0; 10], |Inertia { mass, com, about_com: it }| {
