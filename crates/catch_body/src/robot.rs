@@ -164,7 +164,7 @@ pub struct Robot {
     /// Pose of the gripper in the last link.
     pub X_LG: Pose,
     /// The same of grippers that are mounted in another way, by their names.
-    pub own_X_LG: BTreeMap<String, Pose>,
+    pub X_LG_by_gripper: BTreeMap<String, Pose>,
     /// Where the fingers close, in the frame of the gripper: its origin until one is
     /// [carried](Self::carrying).
     pub tool_G: Point3<f64>,
@@ -221,7 +221,7 @@ impl Robot {
 
     /// This arm with the pose in which this gripper is mounted.
     pub fn with_mount_of(mut self, gripper: &Gripper) -> Self {
-        self.X_LG = self.own_X_LG.get(&gripper.name).copied().unwrap_or(self.X_LG);
+        self.X_LG = self.X_LG_by_gripper.get(&gripper.name).copied().unwrap_or(self.X_LG);
         self
     }
 

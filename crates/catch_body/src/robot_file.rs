@@ -184,7 +184,7 @@ impl Robot {
         };
         let X_LG = mounted("gripper_mount.", &extra.gripper_mount);
         let named = extra.gripper_mounts.iter();
-        let own_X_LG =
+        let X_LG_by_gripper =
             named.map(|(name, it)| (name.clone(), mounted(&format!("gripper_mounts.{name}."), it))).collect();
 
         let mut robot = Self {
@@ -192,7 +192,7 @@ impl Robot {
             base_link,
             X_WB: extra.base.pose(),
             X_LG,
-            own_X_LG,
+            X_LG_by_gripper,
             tool_G: nalgebra::Point3::origin(),
             max_hand_speed_mps: extra.max_hand_speed_mps,
             joints,

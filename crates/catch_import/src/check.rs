@@ -148,7 +148,7 @@ fn notes_of_mounts(robot: &Robot) -> Vec<String> {
         let [closing, approach] = [Vector3::x(), Vector3::y()].map(|it| numbers(X_LG.rotation * it));
         format!("{name} at {at} m in {link}: approaches along {approach}, its fingers close along {closing}")
     };
-    let own = robot.own_X_LG.iter().map(|(name, X_LG)| note(name, X_LG));
+    let own = robot.X_LG_by_gripper.iter().map(|(name, X_LG)| note(name, X_LG));
     std::iter::once(note("gripper", &robot.X_LG)).chain(own).collect()
 }
 

@@ -134,7 +134,8 @@ impl Robot {
     /// All that a simulator needs. `X_WB` is the pose of the base. Each of `joints` has `name`, `link`,
     /// `X_PL` (pose of its link in the one before while the joint is at zero), `axis` (in the link), `lower`,
     /// `upper`, `torque`, `damping`, `rotor_inertia`, and the link's `mass`, `com` and `inertia` (about it).
-    /// `X_LG` is the pose of the gripper in the last link. `capsules` are its shape: `link` (0 is the base),
+    /// `X_LG` is the pose of the gripper in the last link, and `X_LG_by_gripper` that of grippers, by their
+    /// names, that are mounted in another way. `capsules` are its shape: `link` (0 is the base),
     /// `from`, `to`, `radius`. `boxes` (`X_WS`, `size`) and `obstacle_capsules` stand around it.
     #[getter]
     fn numbers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -154,6 +155,7 @@ impl Robot {
         let boxes = it.obstacles.iter().filter_map(|it| it.as_cuboid());
         let numbers = json!({
             "name": it.name, "X_WB": rows_of(&it.X_WB), "joints": joints.collect::<Vec<_>>(), "X_LG": rows_of(&it.X_LG),
+            "X_LG_by_gripper": it.X_LG_by_gripper.iter().map(|(name, X)| (name.clone(), json!(rows_of(X)))).collect::<serde_json::Map<_, _>>(),
             "capsules": it.capsules.iter().map(|(link, of)| capsule(*link, of)).collect::<Vec<_>>(),
             "boxes": boxes.map(|(X_WS, of)| json!({ "X_WS": rows_of(X_WS), "size": of.size.as_slice() })).collect::<Vec<_>>(),
             "obstacle_capsules": it.obstacles.iter().filter_map(|it| it.as_capsule()).map(|of| capsule(0, of)).collect::<Vec<_>>(),
@@ -161,10 +163,21 @@ impl Robot {
         json_dict(py, &numbers)
     }
 
-    /// Pose of the gripper in the world (4×4) with the joints at `q`.
-    fn gripper_pose<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    /// Pose of a gripper in the world (4×4) with the joints at `q`. It is mounted as `gripper` is; without
+    /// it, as that of the setup or as most are.
+    #[pyo3(signature = (q, gripper=None))]
+    fn gripper_pose<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        gripper: Option<&Gripper>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let q = joints("q", q, self.dof())?;
-        Ok(self.model.gripper_pose(&q).to_homogeneous().to_pyarray(py))
+        let mut model = self.model.clone();
+        if let Some(gripper) = gripper {
+            model = model.with_mount_of(&gripper.model);
+        }
+        Ok(model.gripper_pose(&q).to_homogeneous().to_pyarray(py))
     }
 
     fn __repr__(&self) -> String {

@@ -191,6 +191,15 @@ def test_brains_without_a_scenario(setup):
     raises("cameras", cb.Brain, setup.robot, setup.gripper, [], "tennis_ball")
 
 
+def test_a_hand_is_mounted_as_the_file_of_its_arm_says():
+    robot, hand = cb.Robot("panda"), cb.Gripper("franka_hand")
+    setup = cb.Setup("honest", robot="panda", gripper="franka_hand")
+    X_WG = robot.gripper_pose(robot.ready_q, hand)
+    np.testing.assert_allclose(X_WG, setup.robot.gripper_pose(robot.ready_q), atol=1e-12)
+    assert np.abs(X_WG - robot.gripper_pose(robot.ready_q)).max() > 0.1
+    assert list(robot.numbers["X_LG_by_gripper"]) == ["franka_hand"]
+
+
 def test_an_observation_of_another_cell_is_refused(setup):
     brain, q, state = setup.brain(), np.zeros(7), cb.GripperState(0.1)
     tick = lambda dof, *frames: brain.tick(cb.Observation(0.0, cb.ArmState(0, q[:dof], q[:dof]), state, frames))

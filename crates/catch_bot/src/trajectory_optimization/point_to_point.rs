@@ -61,13 +61,17 @@ pub struct PointToPoint<'a> {
 pub type Reached = (TerminalVelocity, Vec<JointVector>);
 
 impl PointToPoint<'_> {
-    /// The best velocities within `bounds`.
+    /// The best velocities within `bounds`, slowed down where the hand would be too fast.
     pub fn terminal_velocity(&self, bounds: &[Interval; MAX_JOINTS]) -> Option<TerminalVelocity> {
         let found = terminal_velocity(&self.jacobian, &self.v_WO, bounds, &self.weights, self.following.as_ref());
         let found = self.failures.solution(found)?;
-        let slowed = found.scaled(self.planner.hand_speed_left(&self.q, &found.dq).min(1.0));
+        let left = self.planner.hand_speed_left(&self.q, &found.dq);
+        if left >= 1.0 {
+            return Some(found);
+        }
+        let slowed = found.scaled(left);
         let is_within = |(dq, bound): (&f64, &Interval)| (bound.low..=bound.high).contains(dq);
-        (slowed == found || slowed.dq.iter().zip(bounds).all(is_within)).then_some(slowed)
+        slowed.dq.iter().zip(bounds).all(is_within).then_some(slowed)
     }
 
     /// The best velocities within `bounds` that splines can have, `None` if there are none or their speed

@@ -96,8 +96,8 @@ impl Steering {
                 next = tried.map(|it| (it + 1).min(FRACTIONS.len()));
             }
             for violation in violations {
-                // A torque depends on all joints.
-                let joints = if violation.kind == LimitKind::Torque {
+                // A torque and the hand's speed depend on all joints.
+                let joints = if matches!(violation.kind, LimitKind::Torque | LimitKind::HandSpeed) {
                     0..self.robot.dof()
                 } else {
                     violation.joint..violation.joint + 1
@@ -197,10 +197,6 @@ mod tests {
     use crate::scenario::setup::{Choice, Setup};
     use proptest::prelude::*;
 
-    fn setup() -> Setup {
-        Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap()
-    }
-
     #[test]
     fn a_spline_has_the_accelerations_that_it_is_made_of() {
         let of = JointVector::repeat;
@@ -220,8 +216,14 @@ mod tests {
 
         /// Whatever is wanted, each motion continues the one before, keeps the limits and ends at rest.
         #[test]
-        fn no_wish_breaks_a_limit(wishes in prop::collection::vec(-3.0f64..3.0, 7 * 60), held in 1_usize..20) {
-            let Setup { robot, gripper, .. } = setup();
+        fn no_wish_breaks_a_limit(
+            wishes in prop::collection::vec(-3.0f64..3.0, 7 * 60),
+            held in 1_usize..20,
+            limits_the_hand in any::<bool>(),
+        ) {
+            let choice = Choice { scenario: Some("paper"), ..Choice::default() };
+            let Setup { mut robot, gripper, .. } = Setup::load(&choice).unwrap();
+            robot.max_hand_speed_mps = limits_the_hand.then_some(0.8);
             let steering = Steering::new(&robot, &gripper, 0.01);
             let robot = robot.carrying(&gripper);
             let mut sent = BSpline::at_rest(0.0, robot.ready_q);

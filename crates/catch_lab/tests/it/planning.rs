@@ -464,7 +464,7 @@ fn solved_by(robot: &str, count: usize) -> (usize, usize) {
         let X_WG = robot.gripper_in(&X_WL);
         let moved = robot.jacobian(&X_WL, &(X_WG * gripper.grasp_centre())).fixed_rows::<3>(3) * dq;
         let v_WO = moved / rng.random_range(0.05..0.3);
-        let is_too_fast = robot.max_hand_speed_mps.is_some_and(|most| robot.hand_speed_mps(&q, &dq) > 0.9 * most);
+        let is_too_fast = robot.max_hand_speed_mps.is_some_and(|most| robot.hand_speed_mps(&q, &dq) > most);
         if v_WO.norm() < 2.0 || v_WO.norm() > 8.0 || is_too_fast {
             continue;
         }
