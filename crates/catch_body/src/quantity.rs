@@ -386,7 +386,6 @@ quantities! {
     /// Steps of a simulation.
     step_s STEP_S = 0.00001 to 0.002 "s, beyond which contacts are wrong";
     /// Counts of the steps of a solver.
-    solver_steps SOLVER_STEPS = 1.0 to 100.0 "";
     /// Widths and heights of images.
     image_px IMAGE_PX = 1.0 to 8192.0 "pixels";
     /// Focal lengths.

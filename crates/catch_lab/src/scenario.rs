@@ -330,8 +330,8 @@ mod tests {
 
     #[test]
     fn single_fields_can_be_changed() {
-        let scenario = set(&["arena.restitution_scale = 0.5", "brain.method=paper", "arena.substeps_alone=8"]).unwrap();
-        assert_eq!((scenario.arena.restitution_scale, scenario.arena.substeps_alone), (0.5, 8));
+        let scenario = set(&["arena.restitution_scale = 0.5", "brain.method=paper", "arena.frame_rate_hz=50"]).unwrap();
+        assert_eq!((scenario.arena.restitution_scale, scenario.arena.frame_rate_hz), (0.5, 50.0));
         assert_eq!(scenario.brain.method, Method::Paper);
         assert!(scenario.name.starts_with("paper+arena.restitution_scale=0.5+"), "{}", scenario.name);
     }
@@ -435,7 +435,7 @@ mod tests {
             ("arina.friction=1", "arena"),
             ("arena.friction=-1", "arena.friction"),
             ("arena.friction=much", "a number or { min"),
-            ("arena.substeps_alone=many", "expected a whole number"),
+            ("arena.frame_rate_hz=many", "expected a number"),
             ("arena.frictoin=0.3", "did you mean `arena.friction`?"),
             ("friction=0.3", "did you mean `arena.friction`?"),
             ("brain.grasp_selection.closing_speed_mps=0", "brain.grasp_selection.closing_speed_mps"),

@@ -4,7 +4,7 @@ mod disturbance;
 
 use std::{convert::Infallible, sync::Arc};
 
-use catch_body::{JointVector, MAX_JOINTS, Pose, Robot, dynamics, kinematics::LinkPoses, workcell::FLOOR_Z_M};
+use catch_body::{JointVector, MAX_JOINTS, Pose, Robot, dynamics, kinematics::LinkPoses};
 use catch_cell::{Cell, Command, Observation};
 use nalgebra::Vector3;
 
@@ -34,9 +34,6 @@ const SUBSTEPS: usize = 4;
 /// Within these distances from the gripper's origin, in all and along its z, the paper's sensor sees the
 /// object's, in metres (code).
 const SENSED_WITHIN_M: [f64; 2] = [0.25, 0.01];
-/// While the object is farther than this from arm, gripper and floor the physics takes fewer substeps, in
-/// metres: what the fastest object and the fastest gripper do not cover in ten steps.
-const ALONE_M: f64 = 0.15;
 
 /// An arm, a gripper, cameras and an object in flight.
 ///
@@ -57,8 +54,6 @@ pub struct Arena {
     has_sensed: bool,
     /// Whether the sensor in the gripper has seen the object.
     has_triggered: bool,
-    /// Whether the object is far from everything.
-    is_alone: bool,
     /// The recorded flight along which the untouched object moves, and when it was released.
     path: Option<(Arc<RecordedFlight>, f64)>,
     disturbance: Option<Disturbance>,
@@ -81,7 +76,7 @@ impl Arena {
             drive_mass_kg: if config.gripper == GripperDriveKind::Real { DRIVE_MASS_KG } else { 0.0 },
         };
         let mount = Mount::Arm { robot: &true_robot, q: ready_q };
-        let world = World::new(settings, mount, gripper, gripper.max_width_m, object, release);
+        let world = World::new(settings, mount, gripper, gripper.max_width_m, (object, release));
         let mut gripper_draws = Draws::new(Stream::Gripper, seed, index);
         let mut arena = Self {
             state: world.state(),
@@ -107,7 +102,6 @@ impl Arena {
             steps: 0,
             has_sensed: false,
             has_triggered: false,
-            is_alone: false,
             path: release.path.clone().map(|path| (path, 0.0)),
             disturbance: None,
             truth: Truth::default(),
@@ -248,11 +242,6 @@ impl Arena {
         }
     }
 
-    /// Substeps of the step to come.
-    fn substeps(&self) -> usize {
-        if self.is_alone { self.config().substeps_alone } else { SUBSTEPS }
-    }
-
     /// Torque on a soft object by the fingers' patches, against its rotation about their normal; it stops the
     /// rotation at most. What the gripper feels of it is less than a thousandth of its own weight.
     fn spin_friction(&self) -> Vector3<f64> {
@@ -304,7 +293,6 @@ impl Arena {
         self.steps += 1;
         let mut forces = ContactForces::default();
         if self.truth.diverged_s.is_none() {
-            self.world.set_substeps(self.substeps());
             let went_well = self.world.step(&loads);
             self.follow_path();
             let state = self.world.state();
@@ -348,12 +336,8 @@ impl Arena {
 
     fn record(&mut self, torque: JointVector, forces: &ContactForces) {
         let state = &self.state;
-        let Shared { robot, clearance, object, .. } = &*self.equipment.shared;
+        let Shared { robot, clearance, .. } = &*self.equipment.shared;
         let (X_WL, width_m) = (self.link_poses(&state.q), state.finger_m[0] + state.finger_m[1]);
-        let p_WO = state.X_WO.translation.vector.into();
-        let radius = object.bounding_radius_m;
-        let alone_m = clearance.least_distance_to_ball(&X_WL, &p_WO, radius).min(p_WO.z - FLOOR_Z_M - radius);
-        self.is_alone = alone_m > ALONE_M;
         self.servo
             .note_clearances(clearance.self_clearance(&X_WL, width_m), clearance.environment_clearance(&X_WL, width_m));
         self.truth.samples.push(TruthSample {

@@ -88,10 +88,6 @@ pub struct ArenaConfig {
     /// Time step of the physics and period of the servo. Default 1 ms.
     #[serde(deserialize_with = "quantity::step_s")]
     pub step_s: f64,
-    /// Solver substeps per step while the object is far from everything, when only the arm's tracking depends
-    /// on them, of 4 else. Default 2: the tool still follows a fast motion within 0.1 mm.
-    #[serde(deserialize_with = "quantity::solver_steps")]
-    pub substeps_alone: usize,
 }
 
 /// What the robot does not know of itself. All zero by default, as in the paper.
@@ -212,7 +208,6 @@ impl Default for ArenaConfig {
             free_running_cameras: false,
             latency_s: Drawn::Always(0.0),
             step_s: 1e-3,
-            substeps_alone: 2,
         }
     }
 }
@@ -316,7 +311,7 @@ mod tests {
             "max_spin_radps = 1e300",
             "latency_s = -1",
             "latency_s = { min = 0.01, max = 1 }",
-            "substeps_alone = 0",
+            "step_s = 0",
             "robot_errors.tool_position_m = 1e300",
             "aerodynamics.drag_anisotropy = 1.0",
             "aerodynamics.max_magnus = -0.1",

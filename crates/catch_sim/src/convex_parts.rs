@@ -2,12 +2,10 @@
 
 use catch_body::TriangleMesh;
 use nalgebra::Point3;
-use rapier3d_f64::{
+use parry3d_f64::{
     math::Vector,
-    parry::{
-        shape::ConvexPolyhedron,
-        transformation::vhacd::{VHACD, VHACDParameters},
-    },
+    shape::ConvexPolyhedron,
+    transformation::vhacd::{VHACD, VHACDParameters},
 };
 
 /// A solid whose convex hull has at most this times its volume collides as that.

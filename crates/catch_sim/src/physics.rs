@@ -1,36 +1,31 @@
-//! The physics of arm, gripper, object and floor, on the engine `rapier3d-f64`.
+//! The physics of arm, gripper, object and floor.
 //!
-//! The engine's defaults are those of games and wrong for catching. What is set here made the outcome of 62
-//! of 63 test catches agree with MuJoCo (`tests/it/catch_table.rs`):
-//!
-//! * steps of 1 ms with 4 substeps; Coulomb friction per contact point instead of one per patch;
-//! * contacts worked out anew in each step; by default they are kept until a pair has moved 50 mm;
-//! * contacts as critically damped springs that are as stiff as the object (`softness.rs`). The default would
-//!   let a finger sink 23 mm into a tennis ball;
-//! * nothing falls asleep; masses are given and not derived from the colliders.
-//!
-//! While nothing touches the object its motion is not the engine's but that of a free rigid body
-//! (`free_motion.rs`), and rebounds follow Newton's law at all points at once (`restitution.rs`).
+//! Arm and fingers are a tree of rigid bodies in minimal coordinates (`machine.rs`), the object is a free rigid
+//! body (`free_motion.rs`). While nothing is in reach of anything, both go on by integrators of second order
+//! or better. Where two things may touch within a step of 1 ms, it is divided into four, in which contacts are
+//! critically damped springs that are as stiff as the object (`contacts.rs`); the library `parry3d-f64` finds
+//! the points (`colliders.rs`). Rebounds follow Newton's law at all points at once (`restitution.rs`).
 
-mod assembly;
-mod contact_points;
+mod colliders;
+mod contacts;
 mod convert;
 mod free_motion;
-mod release_gap;
+mod machine;
 mod restitution;
-mod softness;
+mod spatial;
 
-use catch_body::{Gripper, JointVector, MAX_JOINTS, Pose, Robot, Twist};
-use nalgebra::{Matrix3, Vector3};
-use rapier3d_f64::prelude as engine;
+use catch_body::{Gripper, JointVector, Pose, Robot, Twist};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::{
     object::ThrownObject,
     throw::{RecordedState, Release},
     truth::Contact,
 };
-use convert::{from_pose, from_vector, to_pose, to_vector};
+use colliders::{Bodies, Body, Colliders, Touch};
+use contacts::{Contacts, Masses, Velocities};
 pub(crate) use free_motion::FreeBody;
+use machine::{Coordinates, Machine, Posture, Stop};
 
 /// What the gripper is mounted on.
 #[derive(Debug, Clone, Copy)]
@@ -115,7 +110,7 @@ pub struct ContactForces {
 /// The body that a collider belongs to, as far as the referee cares; kept in the collider's user data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
-enum Part {
+enum Part { 
     Object,
     LeftFinger,
     RightFinger,
@@ -125,42 +120,61 @@ enum Part {
     Obstacle,
 }
 
-const PARTS: [Part; 7] =
-    [Part::Object, Part::LeftFinger, Part::RightFinger, Part::Palm, Part::Arm, Part::Floor, Part::Obstacle];
+/// How many parts there are.
+const PARTS: usize = 7;
 
-/// A joint of the tree: the moved body, its parent and the axis in the moved body's frame.
-struct Axis {
-    child: engine::RigidBodyHandle,
-    parent: engine::RigidBodyHandle,
-    direction: engine::Vector,
+impl Part {
+    /// How a person calls it.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Object => "itself",
+            Self::LeftFinger | Self::RightFinger => "a finger",
+            Self::Palm => "the palm",
+            Self::Arm => "the arm",
+            Self::Floor => "the floor",
+            Self::Obstacle => "an obstacle",
+        }
+    }
 }
 
 /// Arm, gripper, object and floor.
 pub struct World {
     settings: WorldSettings,
-    parameters: engine::IntegrationParameters,
-    pipeline: engine::PhysicsPipeline,
-    islands: engine::IslandManager,
-    broad_phase: engine::BroadPhaseBvh,
-    narrow_phase: engine::NarrowPhase,
-    bodies: engine::RigidBodySet,
-    colliders: engine::ColliderSet,
-    impulse_joints: engine::ImpulseJointSet,
-    multibodies: engine::MultibodyJointSet,
-    soft_bodies: engine::SoftBodySet,
-    ccd: engine::CCDSolver,
-    /// The arm's joints, base to tip.
-    joints: Vec<Axis>,
-    /// The left and the right finger.
-    fingers: [Axis; 2],
-    object: engine::RigidBodyHandle,
-    /// The object without its contacts, and its centre of mass in O.
-    free: FreeBody,
-    com_O: Vector3<f64>,
-    stiffness: softness::Stiffness,
-    finger_kg: f64,
+    machine: Machine,
+    colliders: Colliders,
+    object: Object,
     /// Of the last step.
     contact_forces: ContactForces,
+}
+
+/// The object, and where its centre of mass C is; C has the axes of O.
+struct Object {
+    free: FreeBody,
+    com_O: Vector3<f64>,
+    stiffness_npm: Option<f64>,
+    X_WC: Pose,
+    V_WC: Twist,
+}
+
+impl Object {
+    fn released(object: &ThrownObject, release: &Release) -> Self {
+        let X_WO = Pose::from_parts(release.p_WO.into(), release.q_WO);
+        let V_WO = Twist { angular: release.omega_WO, linear: release.v_WO };
+        let com_O = object.com_O.coords;
+        let (X_WC, V_WC) = carried((&X_WO, &V_WO), &com_O);
+        Self { free: FreeBody::of(object), com_O, stiffness_npm: object.stiffness_npm, X_WC, V_WC }
+    }
+
+    /// Pose and velocity of O.
+    fn state(&self) -> (Pose, Twist) {
+        carried((&self.X_WC, &self.V_WC), &-self.com_O)
+    }
+
+    /// Moves as if nothing touched it.
+    fn fly(&mut self, loads: &Loads, step_s: f64) {
+        let wrench = (&loads.object_force_n, &loads.object_torque_nm);
+        (self.X_WC, self.V_WC) = self.free.advanced((&self.X_WC, &self.V_WC), &loads.gravity, wrench, step_s);
+    }
 }
 
 impl World {
@@ -170,196 +184,123 @@ impl World {
         mount: Mount,
         gripper: &Gripper,
         width_m: f64,
-        object: &ThrownObject,
-        release: &Release,
+        (object, release): (&ThrownObject, &Release),
     ) -> Self {
-        assembly::assemble(settings, mount, gripper, width_m, object, release)
+        let machine = Machine::new(mount, gripper, settings.drive_mass_kg, width_m / 2.0);
+        let robot = if let Mount::Arm { robot, .. } = mount { Some(robot) } else { None };
+        let mut colliders = Colliders::new(&machine, robot, gripper);
+        colliders.exchange_object(object);
+        let object = Object::released(object, release);
+        Self { settings, machine, colliders, object, contact_forces: ContactForces::default() }
     }
 
-    /// Takes another number of substeps from now on.
-    pub fn set_substeps(&mut self, substeps: usize) {
-        self.parameters.num_solver_iterations = substeps;
+    /// Takes the object out and puts another one in, which has just been released. Friction and restitution
+    /// of all contacts are those of the new one from now on.
+    pub fn exchange_object(&mut self, object: &ThrownObject, release: &Release, friction: f64, restitution: f64) {
+        (self.settings.friction, self.settings.restitution) = (friction, restitution);
+        self.colliders.exchange_object(object);
+        self.object = Object::released(object, release);
+        self.contact_forces = ContactForces::default();
     }
 
-    /// Lets one step pass and tells whether all went well. If not, a body's state was no longer finite; the
-    /// engine has taken that body out of the world, and what follows means nothing.
+    /// Lets one step pass and tells whether all went well. If not, something was no longer finite, and what
+    /// follows means nothing.
     pub fn step(&mut self, loads: &Loads) -> bool {
-        let (X_WO, V_WO) = self.object_state();
-        let before = self.velocities_before();
-        self.set_softness();
-        self.apply(loads);
-        self.pipeline.step(
-            to_vector(&loads.gravity),
-            &self.parameters,
-            &mut self.islands,
-            &mut self.broad_phase,
-            &mut self.narrow_phase,
-            &mut self.bodies,
-            &mut self.colliders,
-            &mut self.impulse_joints,
-            &mut self.multibodies,
-            &mut self.soft_bodies,
-            &mut self.ccd,
-            &(),
-            &(),
-        );
-        self.contact_forces = self.settle_contacts(&before);
-        if !self.contact_forces.contact.any() {
-            let wrench = (&loads.object_force_n, &loads.object_torque_nm);
-            let (X_WC, V_WC) = carried((&X_WO, &V_WO), &self.com_O);
-            let (X_WC, V_WC) = self.free.advanced((&X_WC, &V_WC), &loads.gravity, wrench, self.settings.step_s);
-            let (X_WO, V_WO) = carried((&X_WC, &V_WC), &-self.com_O);
-            self.set_object_state(&X_WO, &V_WO);
+        self.try_step(loads).is_some() && self.state().is_finite()
+    }
+
+    fn try_step(&mut self, loads: &Loads) -> Option<()> {
+        let step_s = self.settings.step_s;
+        let Machine { positions, velocities, .. } = self.machine;
+        let forces = self.machine.joined(&loads.torque, loads.finger_force_n);
+        let posture = self.machine.posture(&positions, step_s)?;
+        let net = forces - self.machine.bias_forces(&posture, &velocities, &loads.gravity);
+        let acceleration = posture.answer(&(net - self.machine.damping(&velocities)));
+        let touches = self.colliders.touches(&self.bodies(&posture), step_s);
+        let stops = self.machine.stops(&acceleration, step_s);
+        if !touches.is_empty() || !stops.is_empty() {
+            self.contact_forces = self.step_in_contact(loads, (&posture, &acceleration), touches, &stops);
+            return Some(());
         }
-        self.pipeline.quarantine().is_empty()
+        self.contact_forces = ContactForces::default();
+        // The midpoint rule.
+        let halfway = velocities + acceleration * (step_s / 2.0);
+        let posture = self.machine.posture(&(positions + velocities * (step_s / 2.0)), step_s)?;
+        let net = forces - self.machine.bias_forces(&posture, &halfway, &loads.gravity);
+        self.machine.velocities += posture.answer(&(net - self.machine.damping(&velocities))) * step_s;
+        self.machine.positions += halfway * step_s;
+        self.object.fly(loads, step_s);
+        Some(())
     }
 
-    /// Moves the object to where its centre of mass is recorded to be.
-    pub(crate) fn follow(&mut self, recorded: &RecordedState) {
-        let (X_WO, V_WO) = self.object_state();
-        let (mut X_WC, mut V_WC) = carried((&X_WO, &V_WO), &self.com_O);
-        recorded.put((&mut X_WC, &mut V_WC));
-        let (X_WO, V_WO) = carried((&X_WC, &V_WC), &-self.com_O);
-        self.set_object_state(&X_WO, &V_WO);
-    }
-
-    fn object_state(&self) -> (Pose, Twist) {
-        let object = &self.bodies[self.object];
-        let X_WO = from_pose(object.position());
-        let angular = from_vector(object.angvel());
-        // The engine's linear velocity is that of the centre of mass.
-        let linear = from_vector(object.linvel()) - angular.cross(&(X_WO.rotation * self.com_O));
-        (X_WO, Twist { angular, linear })
-    }
-
-    /// Rotational inertia of the object as the engine has it, about its centre of mass along the axes of O,
-    /// in kg·m².
-    pub fn object_inertia(&self) -> Matrix3<f64> {
-        let inertia = self.bodies[self.object].mass_properties().local_mprops.reconstruct_inertia_matrix();
-        Matrix3::from_columns(&[inertia.x_axis, inertia.y_axis, inertia.z_axis].map(from_vector))
-    }
-
-    /// Kinetic energy of everything that moves, rotors and the gripper's drive included, in J.
-    pub fn kinetic_energy_j(&self) -> f64 {
-        let of_body = |handle: engine::RigidBodyHandle, [angular, linear]: [Vector3<f64>; 2]| {
-            let body = &self.bodies[handle];
-            let inertia = body.mass_properties().local_mprops.reconstruct_inertia_matrix();
-            let local = body.rotation().inverse() * to_vector(&angular);
-            body.mass() * linear.norm_squared() / 2.0 + local.dot(inertia * local) / 2.0
+    /// A step in which something may touch something, divided into the solver's.
+    fn step_in_contact(
+        &mut self,
+        loads: &Loads,
+        (posture, acceleration): (&Posture, &Coordinates),
+        touches: Vec<Touch>,
+        stops: &[Stop],
+    ) -> ContactForces {
+        let WorldSettings { step_s, substeps, friction, restitution, .. } = self.settings;
+        let Object { free, mut X_WC, V_WC, stiffness_npm, .. } = self.object;
+        let mut positions = self.machine.positions;
+        let before = Velocities { machine: self.machine.velocities, linear: V_WC.linear, angular: V_WC.angular };
+        let masses = Masses {
+            machine: &self.machine,
+            posture,
+            object_kg: free.mass_kg,
+            inverse_inertia_W: free.inverse_inertia_along(&X_WC.rotation),
+            p_WC: X_WC.translation.vector,
         };
-        let axes = self.joints.iter().chain(&self.fingers);
-        let links: f64 = axes.zip(self.link_velocities()).map(|(axis, twist)| of_body(axis.child, twist)).sum();
-        let rotors: f64 = self.multibody().map_or(0.0, |multibody| {
-            let velocities = multibody.generalized_velocity();
-            velocities.iter().zip(multibody.armature().iter()).map(|(dq, inertia)| inertia * dq * dq / 2.0).sum()
-        });
-        links + rotors + of_body(self.object, velocities(&self.bodies[self.object]))
+        let part_s = step_s / substeps as f64;
+        let mut contacts = Contacts::new(&masses, touches, stops, (friction, stiffness_npm), part_s);
+        let linear = loads.gravity + loads.object_force_n / free.mass_kg;
+        let q_WC = X_WC.rotation;
+        let mut momentum = free.momentum(&q_WC, &V_WC.angular);
+        let mut now = before;
+        for _ in 0..substeps {
+            now.machine += acceleration * part_s;
+            now.linear += linear * part_s;
+            momentum += loads.object_torque_nm * part_s;
+            now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
+            let unpushed = now.angular;
+            contacts.advance(&mut now, |now| {
+                positions += now.machine * part_s;
+                X_WC.translation.vector += now.linear * part_s;
+                X_WC.rotation = UnitQuaternion::from_scaled_axis(now.angular * part_s) * X_WC.rotation;
+            });
+            // Contacts stay where they were when the step began, and answer by the inertia of then.
+            momentum += free.momentum(&q_WC, &(now.angular - unpushed));
+        }
+        now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
+        let contacts = contacts.contacts;
+        let mut impulses_ns = [0.0; PARTS];
+        let of_object = || contacts.iter().filter(|it| it.touch.pushed == Body::Object);
+        for contact in of_object() {
+            impulses_ns[contact.touch.part as usize] += contact.impulse_ns();
+        }
+        let touched = impulses_ns.map(|impulse_ns| impulse_ns > 0.0);
+        if touched.contains(&true) {
+            let unpushed = now.angular;
+            let added_ns = restitution::let_rebound::<PARTS>(of_object(), restitution, &before, &mut now);
+            impulses_ns.iter_mut().zip(added_ns).for_each(|(impulse_ns, added_ns)| *impulse_ns += added_ns);
+            momentum += free.momentum(&q_WC, &(now.angular - unpushed));
+            now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
+            (self.object.X_WC, self.object.V_WC) = (X_WC, Twist { angular: now.angular, linear: now.linear });
+        } else {
+            self.object.fly(loads, step_s);
+        }
+        (self.machine.positions, self.machine.velocities) = (positions, now.machine);
+        for contact in &contacts {
+            self.colliders.keep_load(&contact.touch, contact.load());
+        }
+        self.counted(&impulses_ns, &touched)
     }
 
-    fn multibody(&self) -> Option<&engine::Multibody> {
-        let id = self.multibodies.rigid_body_link(self.fingers[0].child)?;
-        self.multibodies.get_multibody(id.multibody)
-    }
-
-    /// Angular and linear velocities of the links by joint, fingers last. The engine brings those of its
-    /// bodies up to date in the next step only.
-    fn link_velocities(&self) -> [[Vector3<f64>; 2]; MAX_JOINTS + 2] {
-        let mut links = [[Vector3::zeros(); 2]; MAX_JOINTS + 2];
-        let Some(multibody) = self.multibody() else { return links };
-        let generalized = multibody.generalized_velocity();
-        for (link, axis) in links.iter_mut().zip(self.joints.iter().chain(&self.fingers)) {
-            let Some(id) = self.multibodies.rigid_body_link(axis.child) else { continue };
-            let twist = multibody.body_jacobian(id.id) * generalized;
-            *link = [Vector3::new(twist[3], twist[4], twist[5]), Vector3::new(twist[0], twist[1], twist[2])];
-        }
-        links
-    }
-
-    fn set_object_state(&mut self, X_WO: &Pose, V_WO: &Twist) {
-        let object = &mut self.bodies[self.object];
-        object.set_position(to_pose(X_WO), true);
-        let of_com = V_WO.linear + V_WO.angular.cross(&(X_WO.rotation * self.com_O));
-        object.set_linvel(to_vector(&of_com), true);
-        object.set_angvel(to_vector(&V_WO.angular), true);
-    }
-
-    /// Replaces the forces on all bodies.
-    ///
-    /// The engine takes no generalized forces. A torque on a link and its opposite on the parent are exactly
-    /// a torque of the joint between them: all other joints see their sum, which vanishes. For a finger both
-    /// forces act at the same point.
-    fn apply(&mut self, loads: &Loads) {
-        let bodies = &mut self.bodies;
-        for axis in self.joints.iter().chain(&self.fingers) {
-            for handle in [axis.parent, axis.child] {
-                bodies[handle].reset_forces(true);
-                bodies[handle].reset_torques(true);
-            }
-        }
-        for (i, axis) in self.joints.iter().enumerate() {
-            let torque = *bodies[axis.child].rotation() * axis.direction * loads.torque[i];
-            bodies[axis.child].add_torque(torque, true);
-            bodies[axis.parent].add_torque(-torque, true);
-        }
-        for (axis, force_n) in self.fingers.iter().zip(loads.finger_force_n) {
-            let force = *bodies[axis.child].rotation() * axis.direction * force_n;
-            let point = bodies[axis.child].center_of_mass();
-            bodies[axis.child].add_force_at_point(force, point, true);
-            bodies[axis.parent].add_force_at_point(-force, point, true);
-        }
-        bodies[self.object].reset_forces(true);
-        bodies[self.object].reset_torques(true);
-        bodies[self.object].add_force(to_vector(&loads.object_force_n), true);
-        bodies[self.object].add_torque(to_vector(&loads.object_torque_nm), true);
-    }
-
-    /// The state after the last step.
-    pub fn state(&self) -> WorldState {
-        let (X_WO, V_WO) = self.object_state();
-        let mut state = WorldState {
-            q: JointVector::zeros(),
-            dq: JointVector::zeros(),
-            finger_m: [0.0; 2],
-            finger_mps: [0.0; 2],
-            X_WO,
-            V_WO,
-        };
-        for (i, axis) in self.joints.iter().enumerate() {
-            [state.q[i], state.dq[i]] = self.coordinate(axis, 3);
-        }
-        for (i, axis) in self.fingers.iter().enumerate() {
-            [state.finger_m[i], state.finger_mps[i]] = self.coordinate(axis, 0);
-        }
-        state
-    }
-
-    /// Position and velocity of a joint; `slot` is its place among the six coordinates of a joint.
-    fn coordinate(&self, axis: &Axis, slot: usize) -> [f64; 2] {
-        let Some(id) = self.multibodies.rigid_body_link(axis.child) else { return [f64::NAN; 2] };
-        let Some(multibody) = self.multibodies.get_multibody(id.multibody) else { return [f64::NAN; 2] };
-        let Some(link) = multibody.link(id.id) else { return [f64::NAN; 2] };
-        [link.joint().coords()[slot], multibody.joint_velocity(link)[0]]
-    }
-
-    /// Forces on the object during the last step.
-    pub fn contact_forces(&self) -> ContactForces {
-        self.contact_forces
-    }
-
-    /// Lets the object rebound where it met something in the step that has passed, and sums up what touched
-    /// it.
-    fn settle_contacts(&mut self, before: &restitution::VelocitiesBefore) -> ContactForces {
-        let mut impulses = [0.0; PARTS.len()];
-        for point in self.contact_points() {
-            impulses[point.part as usize] += point.impulse_ns;
-        }
-        let touches = impulses.map(|impulse_ns| impulse_ns > 0.0);
-        if self.settings.restitution > 0.0 && touches.contains(&true) {
-            let added_ns = self.let_rebound(before);
-            impulses.iter_mut().zip(added_ns).for_each(|(impulse_ns, added_ns)| *impulse_ns += added_ns);
-        }
-        let force = |part: Part| impulses[part as usize] / self.settings.step_s;
-        let touches = |part: Part| touches[part as usize];
+    /// What touched the object in a step, from the impulses of the parts.
+    fn counted(&self, impulses_ns: &[f64; PARTS], touched: &[bool; PARTS]) -> ContactForces {
+        let force_n = |part: Part| impulses_ns[part as usize] / self.settings.step_s;
+        let touches = |part: Part| touched[part as usize];
         ContactForces {
             contact: Contact {
                 left_finger: touches(Part::LeftFinger),
@@ -368,16 +309,53 @@ impl World {
                 arm: touches(Part::Arm),
                 floor: touches(Part::Floor),
                 obstacle: touches(Part::Obstacle),
-                peak_impulse_ns: impulses.iter().copied().fold(0.0, f64::max),
+                peak_impulse_ns: impulses_ns.iter().copied().fold(0.0, f64::max),
             },
-            finger_n: [force(Part::LeftFinger), force(Part::RightFinger)],
+            finger_n: [force_n(Part::LeftFinger), force_n(Part::RightFinger)],
         }
     }
-}
 
-/// Angular and linear velocity of a body.
-fn velocities(body: &engine::RigidBody) -> [Vector3<f64>; 2] {
-    [from_vector(body.angvel()), from_vector(body.linvel())]
+    /// Where everything is, and how it moves.
+    fn bodies(&self, posture: &Posture) -> Bodies {
+        let (X_WO, V_WO) = self.object.state();
+        Bodies { X_WL: posture.X_WL, motions: self.machine.motions(posture, &self.machine.velocities), X_WO, V_WO }
+    }
+
+    /// What is nearest to the object, and its distance in metres: zero where they touch or overlap.
+    pub(crate) fn nearest_to_object(&self) -> Option<(&'static str, f64)> {
+        let posture = self.machine.posture(&self.machine.positions, self.settings.step_s)?;
+        self.colliders.nearest_to_object(&self.bodies(&posture))
+    }
+
+    /// Moves the object to where its centre of mass is recorded to be.
+    pub(crate) fn follow(&mut self, recorded: &RecordedState) {
+        recorded.put((&mut self.object.X_WC, &mut self.object.V_WC));
+    }
+
+    /// Rotational inertia of the object about its centre of mass along the axes of O, in kg·m².
+    pub fn object_inertia(&self) -> Matrix3<f64> {
+        self.object.free.inertia_kgm2
+    }
+
+    /// Kinetic energy of everything that moves, rotors and the gripper's drive included, in J.
+    pub fn kinetic_energy_j(&self) -> f64 {
+        let Object { free, X_WC, V_WC, .. } = &self.object;
+        let spin_j = V_WC.angular.dot(&free.momentum(&X_WC.rotation, &V_WC.angular)) / 2.0;
+        self.machine.kinetic_energy_j() + free.mass_kg * V_WC.linear.norm_squared() / 2.0 + spin_j
+    }
+
+    /// The state after the last step.
+    pub fn state(&self) -> WorldState {
+        let (X_WO, V_WO) = self.object.state();
+        let (q, finger_m) = self.machine.apart(&self.machine.positions);
+        let (dq, finger_mps) = self.machine.apart(&self.machine.velocities);
+        WorldState { q, dq, finger_m, finger_mps, X_WO, V_WO }
+    }
+
+    /// Forces on the object during the last step.
+    pub fn contact_forces(&self) -> ContactForces {
+        self.contact_forces
+    }
 }
 
 /// Pose and velocity of a frame that stands at `p_AB` in a moving frame A, with the same axes.

@@ -103,25 +103,6 @@ fn a_ball_is_caught_by_an_arm_that_moves() {
     }
 }
 
-/// What the physics does while the object is far from everything does not decide what happens: with as many
-/// substeps there as at the catch, throws end the same way, and the hand is in the same place. Number 55 of
-/// the banana is marginally held.
-#[test]
-fn outcomes_do_not_depend_on_the_substeps_before_contact() {
-    let fine = ["arena.substeps_alone=4".to_owned()];
-    for (object, index) in [("tennis_ball", 0), ("banana", 55), ("pill_bottle", 2), ("pill_bottle", 9)] {
-        for throw in ["near_sampled", "far_sampled"] {
-            let (_, verdict) = run(object, throw, 1, index);
-            let (_, finer) = run_with(&fine, object, throw, 1, index);
-            let cell = format!("{object}, {throw}: {verdict:?} and {finer:?}");
-            assert_eq!((verdict.caught, verdict.reason), (finer.caught, finer.reason), "{cell}");
-            assert_eq!((verdict.catch_time_s, verdict.contact_s), (finer.catch_time_s, finer.contact_s), "{cell}");
-            let [off, finer_off] = [verdict, finer].map(|it| it.measures.tracking_error_m.unwrap());
-            assert!((off - finer_off).abs() < 3e-5, "{cell}");
-        }
-    }
-}
-
 /// Each built-in arm from the ready pose of its own file, not only the one for which the throws were made.
 #[test]
 fn every_built_in_arm_catches() {

@@ -58,7 +58,6 @@ const ALL: &[(Where, &[&str], &str)] = &[
     (World, &["arena.frame_rate_hz=50"], "arena.free_running_cameras=true"),
     (World, &[], "arena.latency_s=0.02"),
     (World, &[], "arena.step_s=0.0005"),
-    (World, &[], "arena.substeps_alone=4"),
     (World, &[], "arena.camera_faults=[{ camera = 1, kind = \"blinded\", from_s = 0.02 }]"),
     (World, &[], "arena.camera_faults=[{ camera = 1, kind = \"frozen\" }]"),
     (World, &[], "arena.camera_faults=[{ camera = 1, kind = \"silent\" }]"),

@@ -33,7 +33,7 @@ fn world(settings: WorldSettings, on_arm: bool, object: &ThrownObject, draws: &m
     let X_WG = if on_arm { robot.gripper_pose(&robot.ready_q) } else { Pose::translation(0.0, 0.0, 2.0) };
     let mount = if on_arm { Mount::Arm { robot: &robot, q: &robot.ready_q } } else { Mount::Fixed(X_WG) };
     let release = release_at(X_WG * gripper.grasp_centre(), draws);
-    World::new(settings, mount, &gripper, 0.1, object, &release)
+    World::new(settings, mount, &gripper, 0.1, (object, &release))
 }
 
 /// Without motors no contact gives energy, for any restitution up to the errors of integration: 3.1 % at a

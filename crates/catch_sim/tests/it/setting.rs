@@ -72,7 +72,7 @@ pub fn fixed_hand(
     object: &ThrownObject,
     release: &Release,
 ) -> World {
-    World::new(settings, Mount::Fixed(Pose::translation(p_WG.x, p_WG.y, p_WG.z)), gripper, width_m, object, release)
+    World::new(settings, Mount::Fixed(Pose::translation(p_WG.x, p_WG.y, p_WG.z)), gripper, width_m, (object, release))
 }
 
 /// An arena without cameras.

@@ -1,0 +1,313 @@
+//! Forces of contacts during a step.
+//!
+//! Contacts are critically damped springs, which the solver takes as implicit constraints in small steps, with
+//! a second pass without springs that takes out the velocities that these have added (Catto, Soft Constraints,
+//! 2011, and Solver2D, 2024). Each pass is projected Gauss–Seidel from the impulses of the step before, with
+//! Coulomb's cone at each point.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{
+    colliders::{Body, Load, Touch},
+    convert::{from_vector, to_vector},
+    machine::{Coordinates, Machine, Posture, Stop},
+};
+
+/// Natural frequency of contacts with an object whose file names no stiffness, and the highest of any, in Hz:
+/// a finger sinks 0.2 mm into a bottle at most. Chosen.
+const HARD_HZ: f64 = 400.0;
+/// Of the solver's rate, which a contact's frequency may not exceed: as Box2D 3 bounds its contacts.
+const OF_SOLVER_RATE: f64 = 0.25;
+/// Critically damped: restitution is not the spring's business.
+const DAMPING_RATIO: f64 = 1.0;
+/// Most passes of the solver over all contacts, and the change of velocities below which they end, in m/s.
+const MOST_SWEEPS: usize = 16;
+const SAME_MPS: f64 = 1e-7;
+/// Fastest that a spring pushes apart, in m/s.
+const MOST_APART_MPS: f64 = 3.0;
+
+/// Velocities of everything that moves: of the machine's coordinates and of the object's centre of mass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Velocities {
+    pub machine: Coordinates,
+    pub linear: Vector3<f64>,
+    pub angular: Vector3<f64>,
+}
+
+/// How the bodies answer to impulses.
+pub(super) struct Masses<'a> {
+    pub machine: &'a Machine,
+    pub posture: &'a Posture,
+    pub object_kg: f64,
+    /// Inverse of the object's inertia about its centre of mass, in W.
+    pub inverse_inertia_W: Matrix3<f64>,
+    pub p_WC: Vector3<f64>,
+}
+
+/// Velocity of one point relative to another along a direction, as a function of all velocities, and how a
+/// unit impulse along it changes these.
+#[derive(Debug, Clone)]
+pub(super) struct Row {
+    of: Velocities,
+    answer: Velocities,
+    /// Change of the relative velocity by a unit impulse: one over the effective mass.
+    pub mobility_per_kg: f64,
+}
+
+impl Row {
+    fn new(masses: &Masses, of: Velocities) -> Self {
+        let answer = Velocities {
+            machine: masses.posture.answer(&of.machine),
+            linear: of.linear / masses.object_kg,
+            angular: masses.inverse_inertia_W * of.angular,
+        };
+        let mut row = Self { of, answer, mobility_per_kg: 0.0 };
+        row.mobility_per_kg = row.velocity(&answer);
+        row
+    }
+
+    /// Of the pushed body at a touch relative to the pushing one.
+    fn at(masses: &Masses, touch: &Touch, direction: Vector3<f64>) -> Self {
+        let mut of = Velocities { machine: Coordinates::zeros(), linear: Vector3::zeros(), angular: Vector3::zeros() };
+        for (body, sign) in [(touch.pushed, 1.0), (touch.pushing, -1.0)] {
+            match body {
+                Body::Fixed => {}
+                Body::Link(link) => {
+                    of.machine += masses.machine.row(masses.posture, link, direction, &touch.point) * sign;
+                }
+                Body::Object => {
+                    of.linear = direction * sign;
+                    of.angular = (touch.point - masses.p_WC).cross(&direction) * sign;
+                }
+            }
+        }
+        Self::new(masses, of)
+    }
+
+    /// The relative velocity.
+    pub fn velocity(&self, velocities: &Velocities) -> f64 {
+        let Velocities { machine, linear, angular } = velocities;
+        self.of.machine.dot(machine) + self.of.linear.dot(linear) + self.of.angular.dot(angular)
+    }
+
+    /// Changes the velocities by an impulse along the row.
+    pub fn push(&self, velocities: &mut Velocities, impulse_ns: f64) {
+        velocities.machine.axpy(impulse_ns, &self.answer.machine, 1.0);
+        velocities.linear += self.answer.linear * impulse_ns;
+        velocities.angular += self.answer.angular * impulse_ns;
+    }
+}
+
+/// A spring as the solver takes it: the fraction of a gap that is closed per second, and factors of the
+/// effective mass and of the impulse.
+#[derive(Debug, Clone, Copy)]
+struct Spring {
+    rate_per_s: f64,
+    mass_factor: f64,
+    impulse_factor: f64,
+}
+
+impl Spring {
+    /// Of a natural frequency, for a solver's step.
+    fn new(frequency_hz: f64, step_s: f64) -> Self {
+        let omega = std::f64::consts::TAU * frequency_hz;
+        let damped = 2.0 * DAMPING_RATIO + step_s * omega;
+        let stiff = step_s * omega * damped;
+        Self {
+            rate_per_s: omega / damped,
+            mass_factor: stiff / (1.0 + stiff),
+            impulse_factor: 1.0 / (1.0 + stiff),
+        }
+    }
+}
+
+/// Two things that cannot pass through each other.
+struct Unilateral {
+    row: Row,
+    gap_m: f64,
+    spring: Spring,
+    /// Whether the spring is that of the object, and not a means against overlaps of what is hard.
+    is_soft: bool,
+    /// Whether the gap was open when the solver's step began.
+    was_open: bool,
+    /// In a solver's step, and in all of them.
+    impulse_ns: f64,
+    total_ns: f64,
+}
+
+impl Unilateral {
+    fn new(row: Row, gap_m: f64, spring: Spring, is_soft: bool, impulse_ns: f64) -> Self {
+        Self { row, gap_m, spring, is_soft, was_open: false, impulse_ns, total_ns: 0.0 }
+    }
+
+    /// Before the move: a gap may close and no more, and what overlaps is pushed apart by its spring. Returns by
+    /// how much the relative velocity changes, in m/s.
+    fn press(&mut self, velocities: &mut Velocities, step_s: f64) -> f64 {
+        let Spring { rate_per_s, mass_factor, impulse_factor } = self.spring;
+        if self.was_open {
+            return self.push(velocities, self.gap_m / step_s, 1.0, 0.0);
+        }
+        self.push(velocities, (rate_per_s * self.gap_m).max(-MOST_APART_MPS), mass_factor, impulse_factor)
+    }
+
+    /// After the move: without the velocities at which a gap closed or springs pushed apart what is hard.
+    fn relax(&mut self, velocities: &mut Velocities, step_s: f64) -> f64 {
+        if self.is_soft && !self.was_open {
+            return 0.0;
+        }
+        self.push(velocities, self.gap_m.max(0.0) / step_s, 1.0, 0.0)
+    }
+
+    fn push(&mut self, velocities: &mut Velocities, bias_mps: f64, mass_factor: f64, impulse_factor: f64) -> f64 {
+        let wanted_ns = -(self.row.velocity(velocities) + bias_mps) / self.row.mobility_per_kg * mass_factor;
+        let impulse_ns = (self.impulse_ns * (1.0 - impulse_factor) + wanted_ns).max(0.0);
+        let change_ns = impulse_ns - self.impulse_ns;
+        self.row.push(velocities, change_ns);
+        self.impulse_ns = impulse_ns;
+        (change_ns * self.row.mobility_per_kg).abs()
+    }
+}
+
+/// A touch, its rows and its impulses.
+pub(super) struct Contact {
+    pub touch: Touch,
+    normal: Unilateral,
+    /// Two directions across the normal.
+    across: [Vector3<f64>; 2],
+    friction: [Row; 2],
+    friction_ns: [f64; 2],
+}
+
+impl Contact {
+    /// Along the normal.
+    pub fn row(&self) -> &Row {
+        &self.normal.row
+    }
+
+    /// Normal impulse of the step.
+    pub fn impulse_ns(&self) -> f64 {
+        self.normal.total_ns
+    }
+
+    /// Whether it bore something in the step, and nothing in the one before.
+    pub fn is_new(&self) -> bool {
+        self.normal.total_ns > 0.0 && self.touch.load.normal_ns == 0.0
+    }
+
+    /// What the next step begins with.
+    pub fn load(&self) -> Load {
+        let [one, other] = self.friction_ns;
+        let friction_ns = to_vector(&(self.across[0] * one + self.across[1] * other));
+        Load { normal_ns: self.normal.impulse_ns, friction_ns }
+    }
+
+    /// No more friction than Coulomb allows. Returns by how much a relative velocity changes, in m/s.
+    fn rub(&mut self, velocities: &mut Velocities, friction: f64) -> f64 {
+        let wanted: [f64; 2] = std::array::from_fn(|i| {
+            self.friction_ns[i] - self.friction[i].velocity(velocities) / self.friction[i].mobility_per_kg
+        });
+        let (size, most) = (wanted[0].mul_add(wanted[0], wanted[1] * wanted[1]).sqrt(), friction * self.normal.impulse_ns);
+        let factor = if size > most { most / size } else { 1.0 };
+        let mut largest_mps = 0.0f64;
+        for (i, wanted_ns) in wanted.into_iter().enumerate() {
+            let change_ns = wanted_ns * factor - self.friction_ns[i];
+            self.friction[i].push(velocities, change_ns);
+            self.friction_ns[i] += change_ns;
+            largest_mps = largest_mps.max((change_ns * self.friction[i].mobility_per_kg).abs());
+        }
+        largest_mps
+    }
+}
+
+/// All contacts of a step, and the stops of the fingers that are met in it.
+pub(super) struct Contacts {
+    pub contacts: Vec<Contact>,
+    stops: Vec<Unilateral>,
+    friction: f64,
+    step_s: f64,
+}
+
+impl Contacts {
+    /// `stiffness_npm` is the object's, none if it is hard; `step_s` is the solver's.
+    pub fn new(
+        masses: &Masses,
+        touches: Vec<Touch>,
+        stops: &[Stop],
+        (friction, stiffness_npm): (f64, Option<f64>),
+        step_s: f64,
+    ) -> Self {
+        let hard = Spring::new(HARD_HZ.min(OF_SOLVER_RATE / step_s), step_s);
+        // A part that presses at several points shares the stiffness among them.
+        let sharing = |touch: &Touch| touches.iter().filter(|it| it.part == touch.part).count() as f64;
+        let shares: Vec<f64> = touches.iter().map(sharing).collect();
+        let contact = |(touch, share): (Touch, f64)| {
+            let row = Row::at(masses, &touch, touch.normal);
+            let is_soft = stiffness_npm.is_some() && touch.pushed == Body::Object;
+            let spring = stiffness_npm.filter(|_| is_soft).map_or(hard, |stiffness_npm| {
+                let frequency_hz = (stiffness_npm / share * row.mobility_per_kg).sqrt() / std::f64::consts::TAU;
+                Spring::new(frequency_hz.min(HARD_HZ).min(OF_SOLVER_RATE / step_s), step_s)
+            });
+            let across = across(&touch.normal);
+            let load = from_vector(touch.load.friction_ns);
+            Contact {
+                friction: across.map(|direction| Row::at(masses, &touch, direction)),
+                friction_ns: across.map(|direction| load.dot(&direction)),
+                across,
+                normal: Unilateral::new(row, touch.gap_m, spring, is_soft, touch.load.normal_ns),
+                touch,
+            }
+        };
+        let contacts = touches.into_iter().zip(shares).map(contact).collect();
+        let stop = |&Stop { coordinate, free, gap_m }: &Stop| {
+            let machine = Coordinates::ith(coordinate, free);
+            let of = Velocities { machine, linear: Vector3::zeros(), angular: Vector3::zeros() };
+            Unilateral::new(Row::new(masses, of), gap_m, hard, false, 0.0)
+        };
+        Self { contacts, stops: stops.iter().map(stop).collect(), friction, step_s }
+    }
+
+    /// One solver's step: `moved` takes what moves along with the velocities.
+    pub fn advance(&mut self, velocities: &mut Velocities, moved: impl FnOnce(&Velocities)) {
+        for contact in &self.contacts {
+            contact.normal.row.push(velocities, contact.normal.impulse_ns);
+            for (row, impulse_ns) in contact.friction.iter().zip(contact.friction_ns) {
+                row.push(velocities, impulse_ns);
+            }
+        }
+        self.stops.iter().for_each(|it| it.row.push(velocities, it.impulse_ns));
+        self.unilaterals().for_each(|it| it.was_open = it.gap_m > 0.0);
+        self.sweep(velocities, Unilateral::press);
+        moved(velocities);
+        let step_s = self.step_s;
+        for it in self.unilaterals() {
+            it.gap_m += it.row.velocity(velocities) * step_s;
+        }
+        self.sweep(velocities, Unilateral::relax);
+        for it in self.unilaterals() {
+            it.total_ns += it.impulse_ns;
+        }
+    }
+
+    /// Passes over all contacts until none changes a velocity any more.
+    fn sweep(&mut self, velocities: &mut Velocities, pass: fn(&mut Unilateral, &mut Velocities, f64) -> f64) {
+        let (step_s, friction) = (self.step_s, self.friction);
+        for _ in 0..MOST_SWEEPS {
+            let rubbed_mps = self.contacts.iter_mut().map(|it| it.rub(velocities, friction)).fold(0.0, f64::max);
+            let pushed_mps = self.unilaterals().map(|it| pass(it, velocities, step_s)).fold(0.0, f64::max);
+            if rubbed_mps.max(pushed_mps) < SAME_MPS {
+                break;
+            }
+        }
+    }
+
+    fn unilaterals(&mut self) -> impl Iterator<Item = &mut Unilateral> {
+        self.stops.iter_mut().chain(self.contacts.iter_mut().map(|it| &mut it.normal))
+    }
+}
+
+/// Two directions that are across a direction and across each other.
+fn across(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let least = normal.iamin();
+    let one = normal.cross(&Vector3::ith(least, 1.0)).normalize();
+    [one, normal.cross(&one)]
+}

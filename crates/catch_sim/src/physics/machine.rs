@@ -1,0 +1,270 @@
+//! Arm and fingers: a tree of rigid bodies of fixed size.
+//!
+//! Forward dynamics solve M(q)·v̇ = τ − h(q, v): the mass matrix by the composite-rigid-body algorithm, the
+//! bias forces h by the recursive Newton–Euler algorithm (Featherstone, Rigid Body Dynamics Algorithms,
+//! sections 6.2 and 5.3). The factor of M also tells how the tree answers to an impulse.
+
+use catch_body::{Gripper, JointVector, MAX_JOINTS, Pose, robot::Inertia};
+use nalgebra::{Cholesky, Const, SMatrix, SVector, Translation3, UnitQuaternion, UnitVector3, Vector3};
+
+use super::{
+    Mount,
+    spatial::{Spatial, SpatialInertia},
+};
+
+/// Coordinates: the joints of the arm, then the left and the right finger. What the arm does not have stands
+/// still behind them.
+pub(super) const COORDINATES: usize = MAX_JOINTS + 2;
+pub(super) type Coordinates = SVector<f64, COORDINATES>;
+type Factor = Cholesky<f64, Const<COORDINATES>>;
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Revolute,
+    Prismatic,
+}
+
+/// A body and the joint that moves it.
+#[derive(Debug, Clone)]
+struct Link {
+    /// Number of the body that carries it; 0 is the base, and the link of joint i is body i + 1.
+    parent: usize,
+    kind: Kind,
+    /// Pose of the joint in the parent, at coordinate zero that of the link.
+    X_PL: Pose,
+    axis: UnitVector3<f64>,
+    inertia: Inertia,
+    /// Inertia of the drive, reflected to the coordinate.
+    rotor_inertia: f64,
+    damping: f64,
+}
+
+/// The tree and its state.
+#[derive(Debug, Clone)]
+pub(super) struct Machine {
+    links: Vec<Link>,
+    pub X_WB: Pose,
+    /// The body that carries the gripper, and the pose of G in it.
+    pub hand: usize,
+    pub X_HG: Pose,
+    /// Farthest that a finger opens.
+    pub widest_m: f64,
+    pub positions: Coordinates,
+    pub velocities: Coordinates,
+}
+
+/// Everything about the tree that depends on its positions.
+#[derive(Debug, Clone)]
+pub(super) struct Posture {
+    /// Poses of the bodies, base first.
+    pub X_WL: [Pose; COORDINATES + 1],
+    /// Motion of a body by its own joint alone, at unit speed.
+    motions: [Spatial; COORDINATES],
+    inertias: [SpatialInertia; COORDINATES],
+    /// Factor of the mass matrix.
+    factor: Factor,
+}
+
+impl Machine {
+    /// At rest, with the inner faces of the fingers `finger_m` from the middle.
+    pub fn new(mount: Mount, gripper: &Gripper, drive_mass_kg: f64, finger_m: f64) -> Self {
+        let mut links = Vec::new();
+        let mut positions = Coordinates::zeros();
+        let (X_WB, X_HG) = match mount {
+            Mount::Fixed(X_WG) => (X_WG, Pose::identity()),
+            Mount::Arm { robot, q } => {
+                for (i, joint) in robot.joints.iter().enumerate() {
+                    let mut inertia = joint.inertia;
+                    if i + 1 == robot.dof() {
+                        inertia = inertia.joined(&gripper.body_inertia().transformed(&robot.X_LG));
+                    }
+                    links.push(Link {
+                        parent: i,
+                        kind: Kind::Revolute,
+                        X_PL: joint.X_PL,
+                        axis: joint.axis,
+                        inertia,
+                        rotor_inertia: joint.rotor_inertia,
+                        damping: joint.damping,
+                    });
+                    positions[i] = q[i];
+                }
+                (robot.X_WB, robot.X_LG)
+            }
+        };
+        let hand = links.len();
+        // Fingers slide along the x axis of G, the left one towards −x. Their frames lie on G when their inner
+        // faces meet in the middle.
+        for (inertia, axis) in gripper.finger_inertias(0.0).into_iter().zip([-Vector3::x_axis(), Vector3::x_axis()]) {
+            positions[links.len()] = finger_m;
+            links.push(Link {
+                parent: hand,
+                kind: Kind::Prismatic,
+                X_PL: X_HG,
+                axis,
+                inertia,
+                rotor_inertia: drive_mass_kg,
+                damping: 0.0,
+            });
+        }
+        let widest_m = gripper.max_width_m / 2.0;
+        Self { links, X_WB, hand, X_HG, widest_m, positions, velocities: Coordinates::zeros() }
+    }
+
+    /// Positions or velocities of arm and fingers apart.
+    pub fn apart(&self, values: &Coordinates) -> (JointVector, [f64; 2]) {
+        let arm = JointVector::from_fn(|i, _| if i < self.hand { values[i] } else { 0.0 });
+        (arm, [values[self.hand], values[self.hand + 1]])
+    }
+
+    /// The reverse of [`Self::apart`].
+    pub fn joined(&self, arm: &JointVector, fingers: [f64; 2]) -> Coordinates {
+        let mut values = Coordinates::zeros();
+        values.rows_mut(0, self.hand).copy_from(&arm.rows(0, self.hand));
+        (values[self.hand], values[self.hand + 1]) = (fingers[0], fingers[1]);
+        values
+    }
+
+    /// Kinematics and mass matrix; `None` if the matrix is singular or not finite.
+    ///
+    /// Damping acts by the mean of the velocities before and after a step of `step_s`, which adds to the mass
+    /// matrix (Crank–Nicolson): an explicit one would be unstable for light links.
+    pub fn posture(&self, positions: &Coordinates, step_s: f64) -> Option<Posture> {
+        let mut X_WL = [self.X_WB; COORDINATES + 1];
+        let mut motions = [Spatial::default(); COORDINATES];
+        let mut inertias = [SpatialInertia::default(); COORDINATES];
+        for (i, link) in self.links.iter().enumerate() {
+            let mut pose = X_WL[link.parent] * link.X_PL;
+            let axis = pose.rotation * link.axis.into_inner();
+            match link.kind {
+                Kind::Revolute => {
+                    pose.rotation *= UnitQuaternion::from_axis_angle(&link.axis, positions[i]);
+                    motions[i] = Spatial::about(axis, &pose.translation.vector);
+                }
+                Kind::Prismatic => {
+                    pose *= Translation3::from(link.axis.into_inner() * positions[i]);
+                    motions[i] = Spatial { angular: Vector3::zeros(), linear: axis };
+                }
+            }
+            X_WL[i + 1] = pose;
+            inertias[i] = SpatialInertia::of(&link.inertia, &pose);
+        }
+        let mut masses = self.mass_matrix(&motions, inertias);
+        for (i, link) in self.links.iter().enumerate() {
+            masses[(i, i)] += link.damping * step_s / 2.0;
+        }
+        let factor = masses.cholesky()?;
+        Some(Posture { X_WL, motions, inertias, factor })
+    }
+
+    fn mass_matrix(
+        &self,
+        motions: &[Spatial; COORDINATES],
+        mut composites: [SpatialInertia; COORDINATES],
+    ) -> SMatrix<f64, COORDINATES, COORDINATES> {
+        let mut matrix = SMatrix::identity();
+        for (i, link) in self.links.iter().enumerate().rev() {
+            let composite = composites[i];
+            if link.parent > 0 {
+                composites[link.parent - 1] += composite;
+            }
+            let momentum = composite.momentum(&motions[i]);
+            matrix[(i, i)] = motions[i].dot(&momentum) + link.rotor_inertia;
+            for j in self.ancestors(i) {
+                matrix[(i, j)] = motions[j].dot(&momentum);
+                matrix[(j, i)] = matrix[(i, j)];
+            }
+        }
+        matrix
+    }
+
+    /// The joints between a joint and the base.
+    fn ancestors(&self, joint: usize) -> impl Iterator<Item = usize> + '_ {
+        let parent_of = |joint: usize| self.links[joint].parent.checked_sub(1);
+        std::iter::successors(parent_of(joint), move |&it| parent_of(it))
+    }
+
+    /// Motions of the bodies, base first.
+    pub fn motions(&self, posture: &Posture, velocities: &Coordinates) -> [Spatial; COORDINATES + 1] {
+        let mut motions = [Spatial::default(); COORDINATES + 1];
+        for (i, link) in self.links.iter().enumerate() {
+            motions[i + 1] = motions[link.parent] + posture.motions[i] * velocities[i];
+        }
+        motions
+    }
+
+    /// Forces along the coordinates that keep the velocities as they are, without damping: gravity, Coriolis and
+    /// centrifugal forces.
+    pub fn bias_forces(&self, posture: &Posture, velocities: &Coordinates, gravity: &Vector3<f64>) -> Coordinates {
+        let moving = self.motions(posture, velocities);
+        let mut accelerations = [Spatial { angular: Vector3::zeros(), linear: -gravity }; COORDINATES + 1];
+        let mut needed = [Spatial::default(); COORDINATES];
+        for (i, link) in self.links.iter().enumerate() {
+            let by_joint = posture.motions[i] * velocities[i];
+            accelerations[i + 1] = accelerations[link.parent] + moving[i + 1].cross_motion(&by_joint);
+            let momentum = posture.inertias[i].momentum(&moving[i + 1]);
+            needed[i] = posture.inertias[i].momentum(&accelerations[i + 1]) + moving[i + 1].cross_force(&momentum);
+        }
+        let mut bias = Coordinates::zeros();
+        for (i, link) in self.links.iter().enumerate().rev() {
+            bias[i] = posture.motions[i].dot(&needed[i]);
+            if let Some(parent) = link.parent.checked_sub(1) {
+                needed[parent] = needed[parent] + needed[i];
+            }
+        }
+        bias
+    }
+
+    /// Forces of damping.
+    pub fn damping(&self, velocities: &Coordinates) -> Coordinates {
+        Coordinates::from_fn(|i, _| self.links.get(i).map_or(0.0, |link| link.damping * velocities[i]))
+    }
+
+    /// The stops that fingers would pass in a step.
+    pub fn stops(&self, acceleration: &Coordinates, step_s: f64) -> Vec<Stop> {
+        let fingers = self.hand..self.hand + 2;
+        let stops = fingers.flat_map(|coordinate| {
+            let position_m = self.positions[coordinate];
+            let moved_m = (self.velocities[coordinate] + acceleration[coordinate] * step_s) * step_s;
+            [(1.0, position_m), (-1.0, self.widest_m - position_m)]
+                .map(|(free, gap_m)| (gap_m + free * moved_m < 0.0).then_some(Stop { coordinate, free, gap_m }))
+        });
+        stops.flatten().collect()
+    }
+
+    /// Velocity of a body along a direction at a point, per velocity of each coordinate: a row of the
+    /// Jacobian. Body 0 is the base.
+    pub fn row(&self, posture: &Posture, body: usize, direction: Vector3<f64>, point: &Vector3<f64>) -> Coordinates {
+        let mut row = Coordinates::zeros();
+        let force = Spatial::force_at(direction, point);
+        if let Some(joint) = body.checked_sub(1) {
+            for i in std::iter::once(joint).chain(self.ancestors(joint)) {
+                row[i] = posture.motions[i].dot(&force);
+            }
+        }
+        row
+    }
+
+    /// Kinetic energy in J, drives included; not a number where the arm is nowhere.
+    pub fn kinetic_energy_j(&self) -> f64 {
+        let Some(posture) = self.posture(&self.positions, 0.0) else { return f64::NAN };
+        let momentum = posture.factor.l() * (posture.factor.l().transpose() * self.velocities);
+        self.velocities.dot(&momentum) / 2.0
+    }
+}
+
+/// The stop of a finger.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stop {
+    pub coordinate: usize,
+    /// The direction in which it is free, and the way to the stop.
+    pub free: f64,
+    pub gap_m: f64,
+}
+
+impl Posture {
+    /// Change of the velocities by impulses along the coordinates, or accelerations by forces.
+    pub fn answer(&self, impulses: &Coordinates) -> Coordinates {
+        self.factor.solve(impulses)
+    }
+}
