@@ -46,7 +46,7 @@ pub enum Mount<'a> {
 pub struct WorldSettings {
     /// Time step.
     pub step_s: f64,
-    /// Solver substeps per step.
+    /// Into how many parts the solver divides a step in which something moves against something.
     pub substeps: usize,
     /// Coulomb friction coefficient of all contacts.
     pub friction: f64,
@@ -110,7 +110,7 @@ pub struct ContactForces {
 /// The body that a collider belongs to, as far as the referee cares; kept in the collider's user data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
-enum Part { 
+enum Part {
     Object,
     LeftFinger,
     RightFinger,
@@ -214,22 +214,24 @@ impl World {
         let Machine { positions, velocities, .. } = self.machine;
         let forces = self.machine.joined(&loads.torque, loads.finger_force_n);
         let posture = self.machine.posture(&positions, step_s)?;
-        let net = forces - self.machine.bias_forces(&posture, &velocities, &loads.gravity);
-        let acceleration = posture.answer(&(net - self.machine.damping(&velocities)));
+        let damping = self.machine.damping(&velocities);
+        let acceleration_in = |posture: &Posture, velocities: &Coordinates| {
+            posture.answer(&(forces - damping - self.machine.bias_forces(posture, velocities, &loads.gravity)))
+        };
+        // The midpoint rule.
+        let halfway = velocities + acceleration_in(&posture, &velocities) * (step_s / 2.0);
+        let half_posture = self.machine.posture(&(positions + velocities * (step_s / 2.0)), step_s)?;
+        let acceleration = acceleration_in(&half_posture, &halfway);
         let touches = self.colliders.touches(&self.bodies(&posture), step_s);
         let stops = self.machine.stops(&acceleration, step_s);
-        if !touches.is_empty() || !stops.is_empty() {
+        if touches.is_empty() && stops.is_empty() {
+            self.machine.positions += halfway * step_s;
+            self.machine.velocities += acceleration * step_s;
+            self.object.fly(loads, step_s);
+            self.contact_forces = ContactForces::default();
+        } else {
             self.contact_forces = self.step_in_contact(loads, (&posture, &acceleration), touches, &stops);
-            return Some(());
         }
-        self.contact_forces = ContactForces::default();
-        // The midpoint rule.
-        let halfway = velocities + acceleration * (step_s / 2.0);
-        let posture = self.machine.posture(&(positions + velocities * (step_s / 2.0)), step_s)?;
-        let net = forces - self.machine.bias_forces(&posture, &halfway, &loads.gravity);
-        self.machine.velocities += posture.answer(&(net - self.machine.damping(&velocities))) * step_s;
-        self.machine.positions += halfway * step_s;
-        self.object.fly(loads, step_s);
         Some(())
     }
 
@@ -252,13 +254,14 @@ impl World {
             inverse_inertia_W: free.inverse_inertia_along(&X_WC.rotation),
             p_WC: X_WC.translation.vector,
         };
-        let part_s = step_s / substeps as f64;
-        let mut contacts = Contacts::new(&masses, touches, stops, (friction, stiffness_npm), part_s);
+        let surface = (friction, stiffness_npm);
+        let mut contacts = Contacts::new(&masses, (touches, stops), surface, &before, (step_s, substeps));
+        let part_s = contacts.step_s;
         let linear = loads.gravity + loads.object_force_n / free.mass_kg;
         let q_WC = X_WC.rotation;
         let mut momentum = free.momentum(&q_WC, &V_WC.angular);
         let mut now = before;
-        for _ in 0..substeps {
+        for _ in 0..(step_s / part_s).round() as usize {
             now.machine += acceleration * part_s;
             now.linear += linear * part_s;
             momentum += loads.object_torque_nm * part_s;
@@ -292,7 +295,7 @@ impl World {
         }
         (self.machine.positions, self.machine.velocities) = (positions, now.machine);
         for contact in &contacts {
-            self.colliders.keep_load(&contact.touch, contact.load());
+            self.colliders.keep_load(&contact.touch, contact.load(part_s));
         }
         self.counted(&impulses_ns, &touched)
     }

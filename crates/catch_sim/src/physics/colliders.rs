@@ -47,11 +47,11 @@ struct Collider {
     radius_m: f64,
 }
 
-/// Impulses of the step before, from which the solver starts.
+/// Forces at the end of the step before, from which the solver starts.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Load {
-    pub normal_ns: f64,
-    pub friction_ns: math::Vector,
+    pub normal_n: f64,
+    pub friction_n: math::Vector,
 }
 
 /// Two colliders that may touch. What pushes is part of the machine or fixed; what is pushed is the object or
@@ -78,6 +78,14 @@ pub(super) struct Touch {
     pub load: Load,
     /// The pair and the number of the point in its manifold.
     place: [usize; 2],
+}
+
+impl Touch {
+    /// Two directions across the normal, across each other.
+    pub fn across(&self) -> [Vector3<f64>; 2] {
+        let one = self.normal.cross(&Vector3::ith(self.normal.iamin(), 1.0)).normalize();
+        [one, self.normal.cross(&one)]
+    }
 }
 
 /// Where the bodies are, and how they move.
@@ -211,7 +219,15 @@ impl Colliders {
             }
             let X_12 = X_WS1.inv_mul(X_WS2);
             DefaultQueryDispatcher
-                .contact_manifold_convex_convex(&X_12, &*one.shape, &*other.shape, None, None, reach_m, &mut pair.manifold)
+                .contact_manifold_convex_convex(
+                    &X_12,
+                    &*one.shape,
+                    &*other.shape,
+                    None,
+                    None,
+                    reach_m,
+                    &mut pair.manifold,
+                )
                 .expect("all shapes here are convex");
             let normal = from_vector(X_WS1.rotation * pair.manifold.local_n1);
             for (i, point) in pair.manifold.points.iter().enumerate() {

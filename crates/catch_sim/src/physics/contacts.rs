@@ -16,13 +16,13 @@ use super::{
 /// Natural frequency of contacts with an object whose file names no stiffness, and the highest of any, in Hz:
 /// a finger sinks 0.2 mm into a bottle at most. Chosen.
 const HARD_HZ: f64 = 400.0;
-/// Of the solver's rate, which a contact's frequency may not exceed: as Box2D 3 bounds its contacts.
-const OF_SOLVER_RATE: f64 = 0.25;
 /// Critically damped: restitution is not the spring's business.
 const DAMPING_RATIO: f64 = 1.0;
+/// Things that move against each other more slowly are at rest, in m/s.
+const AT_REST_MPS: f64 = 0.01;
 /// Most passes of the solver over all contacts, and the change of velocities below which they end, in m/s.
 const MOST_SWEEPS: usize = 16;
-const SAME_MPS: f64 = 1e-7;
+const SAME_MPS: f64 = 1e-5;
 /// Fastest that a spring pushes apart, in m/s.
 const MOST_APART_MPS: f64 = 3.0;
 
@@ -66,22 +66,26 @@ impl Row {
         row
     }
 
-    /// Of the pushed body at a touch relative to the pushing one.
-    fn at(masses: &Masses, touch: &Touch, direction: Vector3<f64>) -> Self {
-        let mut of = Velocities { machine: Coordinates::zeros(), linear: Vector3::zeros(), angular: Vector3::zeros() };
-        for (body, sign) in [(touch.pushed, 1.0), (touch.pushing, -1.0)] {
-            match body {
-                Body::Fixed => {}
-                Body::Link(link) => {
-                    of.machine += masses.machine.row(masses.posture, link, direction, &touch.point) * sign;
-                }
-                Body::Object => {
-                    of.linear = direction * sign;
-                    of.angular = (touch.point - masses.p_WC).cross(&direction) * sign;
+    /// Of the pushed body at a touch relative to the pushing one: along the normal, and in two directions across.
+    fn at(masses: &Masses, touch: &Touch) -> [Self; 3] {
+        let [one, other] = touch.across();
+        [touch.normal, one, other].map(|direction| {
+            let mut of =
+                Velocities { machine: Coordinates::zeros(), linear: Vector3::zeros(), angular: Vector3::zeros() };
+            for (body, sign) in [(touch.pushed, 1.0), (touch.pushing, -1.0)] {
+                match body {
+                    Body::Fixed => {}
+                    Body::Link(link) => {
+                        of.machine += masses.machine.row(masses.posture, link, direction, &touch.point) * sign;
+                    }
+                    Body::Object => {
+                        of.linear = direction * sign;
+                        of.angular = (touch.point - masses.p_WC).cross(&direction) * sign;
+                    }
                 }
             }
-        }
-        Self::new(masses, of)
+            Self::new(masses, of)
+        })
     }
 
     /// The relative velocity.
@@ -113,11 +117,7 @@ impl Spring {
         let omega = std::f64::consts::TAU * frequency_hz;
         let damped = 2.0 * DAMPING_RATIO + step_s * omega;
         let stiff = step_s * omega * damped;
-        Self {
-            rate_per_s: omega / damped,
-            mass_factor: stiff / (1.0 + stiff),
-            impulse_factor: 1.0 / (1.0 + stiff),
-        }
+        Self { rate_per_s: omega / damped, mass_factor: stiff / (1.0 + stiff), impulse_factor: 1.0 / (1.0 + stiff) }
     }
 }
 
@@ -172,8 +172,7 @@ impl Unilateral {
 pub(super) struct Contact {
     pub touch: Touch,
     normal: Unilateral,
-    /// Two directions across the normal.
-    across: [Vector3<f64>; 2],
+    /// In two directions across the normal.
     friction: [Row; 2],
     friction_ns: [f64; 2],
 }
@@ -191,14 +190,15 @@ impl Contact {
 
     /// Whether it bore something in the step, and nothing in the one before.
     pub fn is_new(&self) -> bool {
-        self.normal.total_ns > 0.0 && self.touch.load.normal_ns == 0.0
+        self.normal.total_ns > 0.0 && self.touch.load.normal_n == 0.0
     }
 
-    /// What the next step begins with.
-    pub fn load(&self) -> Load {
-        let [one, other] = self.friction_ns;
-        let friction_ns = to_vector(&(self.across[0] * one + self.across[1] * other));
-        Load { normal_ns: self.normal.impulse_ns, friction_ns }
+    /// What the next step begins with; `step_s` is the solver's.
+    pub fn load(&self, step_s: f64) -> Load {
+        let [one, other] = self.touch.across();
+        let friction_ns = one * self.friction_ns[0] + other * self.friction_ns[1];
+        let friction_n = to_vector(&(friction_ns / step_s));
+        Load { normal_n: self.normal.impulse_ns / step_s, friction_n }
     }
 
     /// No more friction than Coulomb allows. Returns by how much a relative velocity changes, in m/s.
@@ -206,7 +206,8 @@ impl Contact {
         let wanted: [f64; 2] = std::array::from_fn(|i| {
             self.friction_ns[i] - self.friction[i].velocity(velocities) / self.friction[i].mobility_per_kg
         });
-        let (size, most) = (wanted[0].mul_add(wanted[0], wanted[1] * wanted[1]).sqrt(), friction * self.normal.impulse_ns);
+        let (size, most) =
+            (wanted[0].mul_add(wanted[0], wanted[1] * wanted[1]).sqrt(), friction * self.normal.impulse_ns);
         let factor = if size > most { most / size } else { 1.0 };
         let mut largest_mps = 0.0f64;
         for (i, wanted_ns) in wanted.into_iter().enumerate() {
@@ -224,40 +225,43 @@ pub(super) struct Contacts {
     pub contacts: Vec<Contact>,
     stops: Vec<Unilateral>,
     friction: f64,
-    step_s: f64,
+    /// Of the solver.
+    pub step_s: f64,
 }
 
 impl Contacts {
-    /// `stiffness_npm` is the object's, none if it is hard; `step_s` is the solver's.
+    /// `stiffness_npm` is the object's, none if it is hard. The solver divides a step of `step_s` into `parts`
+    /// where something moves against something; what is held at rest needs no parts.
     pub fn new(
         masses: &Masses,
-        touches: Vec<Touch>,
-        stops: &[Stop],
+        (touches, stops): (Vec<Touch>, &[Stop]),
         (friction, stiffness_npm): (f64, Option<f64>),
-        step_s: f64,
+        before: &Velocities,
+        (step_s, parts): (f64, usize),
     ) -> Self {
-        let hard = Spring::new(HARD_HZ.min(OF_SOLVER_RATE / step_s), step_s);
+        let rows: Vec<[Row; 3]> = touches.iter().map(|it| Row::at(masses, it)).collect();
+        let moves = |row: &Row| row.velocity(before).abs() > AT_REST_MPS;
+        let is_divided = !stops.is_empty() || rows.iter().flatten().any(moves);
+        let step_s = if is_divided { step_s / parts as f64 } else { step_s };
+        let hard = Spring::new(HARD_HZ, step_s);
         // A part that presses at several points shares the stiffness among them.
         let sharing = |touch: &Touch| touches.iter().filter(|it| it.part == touch.part).count() as f64;
         let shares: Vec<f64> = touches.iter().map(sharing).collect();
-        let contact = |(touch, share): (Touch, f64)| {
-            let row = Row::at(masses, &touch, touch.normal);
+        let contact = |((touch, [row, one, other]), share): ((Touch, [Row; 3]), f64)| {
             let is_soft = stiffness_npm.is_some() && touch.pushed == Body::Object;
             let spring = stiffness_npm.filter(|_| is_soft).map_or(hard, |stiffness_npm| {
                 let frequency_hz = (stiffness_npm / share * row.mobility_per_kg).sqrt() / std::f64::consts::TAU;
-                Spring::new(frequency_hz.min(HARD_HZ).min(OF_SOLVER_RATE / step_s), step_s)
+                Spring::new(frequency_hz.min(HARD_HZ), step_s)
             });
-            let across = across(&touch.normal);
-            let load = from_vector(touch.load.friction_ns);
+            let rubbed_ns = from_vector(touch.load.friction_n) * step_s;
             Contact {
-                friction: across.map(|direction| Row::at(masses, &touch, direction)),
-                friction_ns: across.map(|direction| load.dot(&direction)),
-                across,
-                normal: Unilateral::new(row, touch.gap_m, spring, is_soft, touch.load.normal_ns),
+                friction: [one, other],
+                friction_ns: touch.across().map(|direction| rubbed_ns.dot(&direction)),
+                normal: Unilateral::new(row, touch.gap_m, spring, is_soft, touch.load.normal_n * step_s),
                 touch,
             }
         };
-        let contacts = touches.into_iter().zip(shares).map(contact).collect();
+        let contacts = touches.into_iter().zip(rows).zip(shares).map(contact).collect();
         let stop = |&Stop { coordinate, free, gap_m }: &Stop| {
             let machine = Coordinates::ith(coordinate, free);
             let of = Velocities { machine, linear: Vector3::zeros(), angular: Vector3::zeros() };
@@ -303,11 +307,4 @@ impl Contacts {
     fn unilaterals(&mut self) -> impl Iterator<Item = &mut Unilateral> {
         self.stops.iter_mut().chain(self.contacts.iter_mut().map(|it| &mut it.normal))
     }
-}
-
-/// Two directions that are across a direction and across each other.
-fn across(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
-    let least = normal.iamin();
-    let one = normal.cross(&Vector3::ith(least, 1.0)).normalize();
-    [one, normal.cross(&one)]
 }

@@ -27,8 +27,8 @@ struct Sample {
     q: Vec<f64>,
 }
 
-/// The largest joint error over a free motion, the physics taking that many substeps.
-fn largest_error(case: &Case, width_m: f64, substeps: usize) -> f64 {
+/// The largest joint error over a free motion in steps of this length.
+fn largest_error(case: &Case, width_m: f64, step_s: f64) -> f64 {
     let (mut robot, gripper) = (setting::robot(), setting::gripper());
     // High enough that nothing reaches the floor, which the golden arm does not have.
     robot.X_WB.translation.z += 3.0;
@@ -39,16 +39,16 @@ fn largest_error(case: &Case, width_m: f64, substeps: usize) -> f64 {
     }
     let q = robot.joint_vector(&case.samples[0].q).unwrap();
     let (object, release) = (setting::object("tennis_ball"), setting::release([9.0, 9.0, 9.0], [0.0; 3]));
-    let settings = WorldSettings { substeps, ..setting::settings(0.6, 0.0) };
+    let settings = WorldSettings { step_s, ..setting::settings(0.6, 0.0) };
     let mut world = World::new(settings, Mount::Arm { robot: &robot, q: &q }, &gripper, width_m, (&object, &release));
     let mut drive = GripperDrive::new(&gripper, width_m);
     let mut largest = 0.0f64;
     let mut step = 0u32;
     for sample in &case.samples {
-        while f64::from(step) * 1e-3 < sample.time_s - 1e-9 {
+        while f64::from(step) * step_s < sample.time_s - 1e-9 {
             let state = world.state();
             let mut loads = setting::no_loads();
-            loads.finger_force_n = drive.forces(f64::from(step) * 1e-3, state.finger_m, state.finger_mps);
+            loads.finger_force_n = drive.forces(f64::from(step) * step_s, state.finger_m, state.finger_mps);
             world.step(&loads);
             step += 1;
         }
@@ -67,7 +67,7 @@ fn the_arm_falls_as_in_mujoco() {
     let Golden { gripper_width_m, cases } = golden();
     let mut cases_seen = 0;
     for case in cases.iter().filter(|case| case.rotors_and_damping) {
-        let error = largest_error(case, gripper_width_m, 4);
+        let error = largest_error(case, gripper_width_m, 1e-3);
         assert!(error <= 0.003, "{}: {error} rad", case.start);
         cases_seen += 1;
     }
@@ -76,16 +76,16 @@ fn the_arm_falls_as_in_mujoco() {
 
 /// Without rotors and damping the arm is chaotic: its wrist turns at tens of rad/s, and errors of integration
 /// grow tenfold in 0.1 s. MuJoCo's own semi-implicit Euler is off by as much at the same step. What remains
-/// is discretization: it vanishes in proportion to the step.
+/// is discretization: it vanishes in proportion to the step, as fingers are at their stops.
 #[test]
 fn a_bare_chain_of_links_falls_as_in_mujoco() {
     let Golden { gripper_width_m, cases } = golden();
     for case in cases.iter().filter(|case| !case.rotors_and_damping) {
-        let [coarse, finer] = [4, 16].map(|substeps| largest_error(case, gripper_width_m, substeps));
+        let [coarse, finer] = [1e-3, 2.5e-4].map(|step_s| largest_error(case, gripper_width_m, step_s));
         if case.start == "in_a_plane" {
             assert!(coarse <= 0.012, "{}: {coarse} rad", case.start);
         }
-        assert!(finer <= 0.012, "{}: {finer} rad with 16 substeps", case.start);
+        assert!(finer <= 0.012, "{}: {finer} rad in steps of 0.25 ms", case.start);
         assert!((0.2..0.3).contains(&(finer / coarse)), "{}: {coarse} then {finer}", case.start);
     }
 }
