@@ -44,7 +44,7 @@ const CORRELATED_IMAGES: usize = 4;
 pub struct Observed<'a> {
     /// Its intrinsics.
     pub camera: &'a CameraModel,
-    pub images: Vec<AveragedImage>,
+    pub images: Vec<&'a AveragedImage>,
     pub still: StillImage,
 }
 

@@ -12,7 +12,7 @@ use catch_calibration::{
     Calibration, CalibrationRun, CalibrationStatus, CameraCalibration, Config, FlightRun, Session, calibrate,
     flights::Flight, pose_choice::choose_poses,
 };
-use catch_cell::{Brain, CameraModel, Cell};
+use catch_cell::{Brain, CameraModel, Cell, DepthFrame};
 use catch_sim::{
     Arena, Release,
     cameras::DepthCameras,
@@ -68,7 +68,7 @@ pub(super) fn config_of(setup: &Setup, settings: &CalibrationSettings, seed: u64
     Config { poses: settings.poses, ..config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, seed) }
 }
 
-/// Memory that the images of a calibration take at most, in bytes: they are held until all are there.
+/// Memory that the images of a calibration take at most, in bytes.
 const MOST_BYTES: u64 = 2 << 30;
 
 /// Whether there is room for all images of a calibration.
@@ -77,8 +77,9 @@ const MOST_BYTES: u64 = 2 << 30;
 /// If there is not; file and field are those of the number of poses.
 pub fn check_memory(setup: &Setup, config: &Config, (file, field): (&str, &str)) -> Result<(), InputError> {
     let pixels: u64 = setup.cameras.iter().map(|it| u64::from(it.width_px) * u64::from(it.height_px)).sum();
-    // Depth and mask of the images at rest and of one in motion; 1/z and a count of the mean of each.
-    let bytes_per_pose = pixels * (5 * (config.images_per_pose as u64 + 1) + 10);
+    // 1/z and a count of the mean of the images at rest, and of that of those in motion, if every pixel shows
+    // something.
+    let bytes_per_pose = pixels * 10;
     let most = MOST_BYTES / bytes_per_pose.max(1);
     if config.poses as u64 <= most {
         return Ok(());
@@ -95,8 +96,14 @@ pub fn true_cameras(setup: &Setup, seed: u64, index: u64) -> Vec<CameraModel> {
 }
 
 /// Lets the arm go through poses chosen for cameras that are believed to stand as `guesses`, in the scene
-/// (`seed`, `index`).
-pub fn run_session(setup: &Setup, config: &Config, guesses: &[CameraModel], seed: u64, index: u64) -> ArenaSession {
+/// (`seed`, `index`), whose images may be altered first.
+pub fn run_session(
+    setup: &Setup,
+    config: &Config,
+    guesses: &[CameraModel],
+    (seed, index): (u64, u64),
+    alter: &mut dyn FnMut(&mut DepthFrame),
+) -> ArenaSession {
     let settings = setup.uncalibrated_config(seed, index).config().trajectory_optimization;
     let planner = MotionPlanner::new(setup.robot.clone(), setup.gripper.clone(), settings);
     let poses = choose_poses(config, &planner, &setup.gripper, guesses);
@@ -111,7 +118,8 @@ pub fn run_session(setup: &Setup, config: &Config, guesses: &[CameraModel], seed
     let mut arena = Arena::new(setup.equipment(), &release, &setup.robot.ready_q, seed, index);
     let mut now_s = 0.0;
     while !run.is_done() && now_s < LONGEST_S {
-        let Ok(observation) = arena.sense();
+        let Ok(mut observation) = arena.sense();
+        observation.frames.iter_mut().filter(|it| it.window.area() > 0).for_each(&mut *alter);
         now_s = observation.time_s;
         let command = run.tick(&observation, &mut ());
         arena.act_after(setup.scenario.clock.delay_s(0.0), &command);
@@ -174,7 +182,7 @@ impl CalibratedCameras {
         };
         let believed: Vec<CameraModel> = setup.cameras.iter().map(believed).collect();
         let config = config_of(setup, settings, seed);
-        let session = run_session(setup, &config, &believed, seed, 0).session;
+        let session = run_session(setup, &config, &believed, (seed, 0), &mut |_| ()).session;
         let found = calibrate(&config, &setup.robot, &setup.gripper, &believed, &session);
         let found: Vec<CameraCalibration> = found.cameras.into_iter().map(|it| claimed(it, settings)).collect();
         Self { cameras: calibrated_cameras(&believed, &found), found }
