@@ -70,15 +70,27 @@ pub(super) fn config_of(setup: &Setup, settings: &CalibrationSettings, seed: u64
 
 /// Memory that the images of a calibration take at most, in bytes.
 const MOST_BYTES: u64 = 2 << 30;
+/// Beyond its links' origins and where it holds things, the arm reaches no farther than this, in metres.
+const AROUND_M: f64 = 0.3;
 
-/// Whether there is room for all images of a calibration.
+/// Whether there is room for all images of a calibration. Where nothing stands behind the arm, they keep what
+/// it can reach.
 ///
 /// # Errors
 /// If there is not; file and field are those of the number of poses.
 pub fn check_memory(setup: &Setup, config: &Config, (file, field): (&str, &str)) -> Result<(), InputError> {
-    let pixels: u64 = setup.cameras.iter().map(|it| u64::from(it.width_px) * u64::from(it.height_px)).sum();
-    // 1/z and a count of the mean of the images at rest, and of that of those in motion, if every pixel shows
-    // something.
+    let Setup { robot, gripper, .. } = setup;
+    let base_W = Point3::from(robot.X_WB.translation.vector);
+    let links_m: f64 = robot.joints.iter().map(|it| it.X_PL.translation.vector.norm()).sum();
+    let reach_m = links_m + (robot.X_LG * gripper.grasp_centre()).coords.norm() + AROUND_M;
+    let is_alone = !setup.scenario.arena.floor_visible && robot.obstacles.is_empty();
+    let window = |camera: &CameraModel| {
+        let centre_C = camera.X_WC.inverse_transform_point(&base_W);
+        let is_far = is_alone && centre_C.z > reach_m;
+        if is_far { camera.window_around(&centre_C, reach_m) } else { camera.full_window() }
+    };
+    let pixels: u64 = setup.cameras.iter().map(|it| window(it).area() as u64).sum();
+    // 1/z and a count of the mean of the images at rest, and of that of those in motion.
     let bytes_per_pose = pixels * 10;
     let most = MOST_BYTES / bytes_per_pose.max(1);
     if config.poses as u64 <= most {
