@@ -6,10 +6,13 @@ use catch_body::{
     ray_cast::{ArmSurface, RayCaster, SurfacePart},
 };
 use catch_cell::{CameraModel, PixelWindow};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point2, Point3, Vector3};
 
 /// Pixels around the arm that are looked at, too.
 const MARGIN_PX: u32 = 16;
+
+/// Corners of boxes nearer than this to the camera's plane, in metres, may be anywhere in the image.
+const NEAR_M: f64 = 1e-3;
 
 /// A part of the arm's surface in a camera's frame.
 #[derive(Debug, Clone, Copy)]
@@ -53,8 +56,7 @@ impl<'a> Rendering<'a> {
         for (part, X_WB, caster) in surface.named_parts(X_WL, width_m) {
             let X_BC = X_WB.inv_mul(&camera.X_WC);
             let centre_C = X_BC.inverse_transform_point(&caster.centre());
-            let is_around = centre_C.z.abs() <= caster.radius() + 1e-3;
-            let window = if is_around { full } else { camera.window_around(&centre_C, caster.radius()) };
+            let window = window_of(camera, &X_BC, caster);
             if window.area() > 0 {
                 bodies.push(Body { part, X_BC, caster, nearest_m: centre_C.z - caster.radius(), window });
             }
@@ -88,7 +90,12 @@ impl<'a> Rendering<'a> {
     /// What the ray through image coordinates meets.
     pub fn hit_at(&self, u_px: f64, v_px: f64) -> Option<Hit> {
         let ray_C = ray(self.camera, u_px, v_px);
-        self.bodies.iter().fold(None, |nearest: Option<Hit>, body| {
+        let (column, row) = (u_px as u32, v_px as u32);
+        let may_show = |it: &&Body<'_>| {
+            let PixelWindow { left, top, width, height } = it.window;
+            (left..left + width).contains(&column) && (top..top + height).contains(&row)
+        };
+        self.bodies.iter().filter(may_show).fold(None, |nearest: Option<Hit>, body| {
             body.cast(&ray_C, nearest.map_or(f64::INFINITY, |it| 1.0 / it.inverse_m)).or(nearest)
         })
     }
@@ -117,6 +124,32 @@ impl Body<'_> {
 pub fn ray(camera: &CameraModel, u_px: f64, v_px: f64) -> Vector3<f64> {
     let [cx, cy] = camera.principal_px;
     Vector3::new((u_px - cx) / camera.focal_px, (v_px - cy) / camera.focal_px, 1.0)
+}
+
+/// The pixels that the box around a mesh may cover.
+fn window_of(camera: &CameraModel, X_BC: &Pose, caster: &RayCaster) -> PixelWindow {
+    let full = camera.full_window();
+    let (half, mut corners) = (caster.half_size(), Vec::with_capacity(8));
+    for signs in 0..8_u32 {
+        let sign = Vector3::from_fn(|axis, _| if signs >> axis & 1 == 0 { 1.0 } else { -1.0 });
+        corners.push(X_BC.inverse_transform_point(&(caster.centre() + half.component_mul(&sign))));
+    }
+    if corners.iter().all(|it| it.z < 0.0) {
+        return PixelWindow::default();
+    }
+    if corners.iter().any(|it| it.z < NEAR_M) {
+        return full;
+    }
+    let uv: Vec<Point2<f64>> = corners.iter().filter_map(|it| camera.project(it)).collect();
+    let of = |axis: usize, most: u32| {
+        let at = uv.iter().map(|it| it[axis]);
+        // A pixel to each side, for rounding.
+        let (least, greatest) = at.fold((f64::INFINITY, 0.0_f64), |(a, b), it| (a.min(it), b.max(it)));
+        let cut = |value: f64| value.clamp(0.0, f64::from(most)) as u32;
+        (cut(least.floor() - 1.0), cut(greatest.ceil() + 1.0))
+    };
+    let ((left, right), (top, bottom)) = (of(0, full.width), of(1, full.height));
+    PixelWindow { left, top, width: right.saturating_sub(left), height: bottom.saturating_sub(top) }
 }
 
 fn hull(one: PixelWindow, two: PixelWindow) -> PixelWindow {
