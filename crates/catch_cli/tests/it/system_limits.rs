@@ -36,7 +36,10 @@ fn what_takes_too_much_is_refused_with_its_bound() {
     for (arguments, says) in [
         (&["eval", "--threads", "100000"][..], "a whole number from 1 to 1024"),
         (&["catch", "--set", &large, "--out", &at("c")], "31920000 pixels, expected at most 8 megapixels"),
-        (&["calibrate", "--poses", "100", "--out", &at("d")], "expected at most 29 with these cameras"),
+        (
+            &["calibrate", "--poses", "100", "--set", "arena.floor_visible=true", "--out", &at("d")],
+            "expected at most 89 with these cameras",
+        ),
     ] {
         let output = catchingbot(arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
