@@ -36,8 +36,8 @@ pub struct AveragedImage {
 pub struct Averaging {
     /// Those that were taken after the arm's last sample.
     early: VecDeque<DepthFrame>,
-    /// The image of each camera to which the next one may belong, not yet divided by the count, and the arm in
-    /// its first one.
+    /// The image of each camera to which the next one may belong, not yet divided by the count, and the arm
+    /// in its first one.
     open: Vec<Option<(ArmSample, AveragedImage)>>,
 }
 

@@ -119,7 +119,7 @@ fn of_camera(i: usize, problem: &Problem<'_>, estimate: &Estimate, is_modelled: 
         covariance,
         depth_scale: state.nuisance[0] * config.scale_sd,
         time_offset_s: state.time_offset_s(config),
-        time_offset_sd_s: moves.then_some(time_sd_s),
+        time_offset_sd_s: Some(time_sd_s).filter(|sd_s| moves && sd_s.is_finite()),
         residuals,
     }
 }

@@ -187,7 +187,7 @@ impl Write for Counted {
 }
 
 /// Bytes of an unpacked recording that are no image's: enough for the states and the story of any throw.
-pub const ROOM_WITHOUT_IMAGES: u64 = 64 << 20;
+pub const ROOM_WITHOUT_IMAGES: u64 = 256 << 20;
 
 /// The same of a tick.
 const MOST_STATE_BYTES: u64 = 1 << 20;

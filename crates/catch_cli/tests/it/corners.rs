@@ -69,6 +69,9 @@ fn tried(count: u64) -> Outcome {
     let folder = tempfile::tempdir().unwrap();
     let mut outcome = Outcome::default();
     for index in 0..count {
+        if index % 100 == 99 {
+            println!("{} of {count}", index + 1);
+        }
         let mut rng = Pcg64::seed_from_u64(index);
         let settings: Vec<String> = (0..rng.random_range(2..=6))
             .map(|_| {
@@ -89,6 +92,7 @@ fn tried(count: u64) -> Outcome {
             assert!(!verdict.caught || verdict.catch_time_s.is_some(), "caught without a plan");
             Ok(verdict.caught)
         };
+        let told = outcome.failures.len();
         match catch_unwind(AssertUnwindSafe(throw)) {
             Ok(Ok(caught)) => {
                 outcome.thrown += 1;
@@ -103,6 +107,7 @@ fn tried(count: u64) -> Outcome {
                 outcome.failures.push(format!("{object} {settings:?}: {said}"));
             }
         }
+        outcome.failures[told..].iter().for_each(|it| println!("{index}: {it}"));
         for file in fs::read_dir(folder.path()).unwrap() {
             fs::remove_file(file.unwrap().path()).unwrap();
         }

@@ -141,7 +141,7 @@ pub fn run_session(
     ArenaSession { session: run.into_session(), poses, robot_time_s: now_s, limit_violations }
 }
 
-/// The sightings of thrown objects, as the scenario has the throws, in the scene (`seed`, `index`) whose
+/// The sightings of thrown objects by cameras that are calibrated, as the scenario has the throws, in the scene (`seed`, `index`) whose
 /// cameras were believed to stand as `believed` before they were calibrated. The arm rests. No throw is one
 /// of the scenes of `seed`.
 pub fn observe_flights(
@@ -151,7 +151,8 @@ pub fn observe_flights(
     flights: usize,
     (seed, index): (u64, u64),
 ) -> Vec<Flight> {
-    if flights == 0 {
+    let is_calibrated = calibration.cameras.iter().any(|it| it.status == CalibrationStatus::Converged);
+    if flights == 0 || !is_calibrated {
         return Vec::new();
     }
     let cameras = calibrated_cameras(believed, &calibration.cameras);
