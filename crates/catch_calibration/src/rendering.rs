@@ -6,7 +6,7 @@ use catch_body::{
     ray_cast::{ArmSurface, RayCaster, SurfacePart},
 };
 use catch_cell::{CameraModel, PixelWindow};
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 
 /// Pixels around the arm that are looked at, too.
 const MARGIN_PX: u32 = 16;
@@ -90,11 +90,8 @@ impl<'a> Rendering<'a> {
     /// What the ray through image coordinates meets.
     pub fn hit_at(&self, u_px: f64, v_px: f64) -> Option<Hit> {
         let ray_C = ray(self.camera, u_px, v_px);
-        let (column, row) = (u_px as u32, v_px as u32);
-        let may_show = |it: &&Body<'_>| {
-            let PixelWindow { left, top, width, height } = it.window;
-            (left..left + width).contains(&column) && (top..top + height).contains(&row)
-        };
+        let pixel = PixelWindow { left: u_px as u32, top: v_px as u32, width: 1, height: 1 };
+        let may_show = |it: &&Body<'_>| it.window.intersection(&pixel).area() > 0;
         self.bodies.iter().filter(may_show).fold(None, |nearest: Option<Hit>, body| {
             body.cast(&ray_C, nearest.map_or(f64::INFINITY, |it| 1.0 / it.inverse_m)).or(nearest)
         })
@@ -128,28 +125,24 @@ pub fn ray(camera: &CameraModel, u_px: f64, v_px: f64) -> Vector3<f64> {
 
 /// The pixels that the box around a mesh may cover.
 fn window_of(camera: &CameraModel, X_BC: &Pose, caster: &RayCaster) -> PixelWindow {
-    let full = camera.full_window();
-    let (half, mut corners) = (caster.half_size(), Vec::with_capacity(8));
-    for signs in 0..8_u32 {
-        let sign = Vector3::from_fn(|axis, _| if signs >> axis & 1 == 0 { 1.0 } else { -1.0 });
-        corners.push(X_BC.inverse_transform_point(&(caster.centre() + half.component_mul(&sign))));
-    }
+    let corner = |i: usize| {
+        let sign = Vector3::from_fn(|axis, _| if i >> axis & 1 == 0 { 1.0 } else { -1.0 });
+        X_BC.inverse_transform_point(&(caster.centre() + caster.half_size().component_mul(&sign)))
+    };
+    let corners: [Point3<f64>; 8] = std::array::from_fn(corner);
     if corners.iter().all(|it| it.z < 0.0) {
         return PixelWindow::default();
     }
     if corners.iter().any(|it| it.z < NEAR_M) {
-        return full;
+        return camera.full_window();
     }
-    let uv: Vec<Point2<f64>> = corners.iter().filter_map(|it| camera.project(it)).collect();
-    let of = |axis: usize, most: u32| {
-        let at = uv.iter().map(|it| it[axis]);
-        // A pixel to each side, for rounding.
-        let (least, greatest) = at.fold((f64::INFINITY, 0.0_f64), |(a, b), it| (a.min(it), b.max(it)));
-        let cut = |value: f64| value.clamp(0.0, f64::from(most)) as u32;
-        (cut(least.floor() - 1.0), cut(greatest.ceil() + 1.0))
-    };
-    let ((left, right), (top, bottom)) = (of(0, full.width), of(1, full.height));
-    PixelWindow { left, top, width: right.saturating_sub(left), height: bottom.saturating_sub(top) }
+    let uv = corners.map(|it| camera.project(&it).unwrap_or_default());
+    let (least, greatest) = uv.iter().fold((uv[0], uv[0]), |(least, greatest), it| (least.inf(it), greatest.sup(it)));
+    // A pixel to each side, for rounding.
+    let cut = |at: f64, most: u32| at.clamp(0.0, f64::from(most)) as u32;
+    let (left, right) = (cut(least.x - 1.0, camera.width_px), cut(greatest.x + 2.0, camera.width_px));
+    let (top, bottom) = (cut(least.y - 1.0, camera.height_px), cut(greatest.y + 2.0, camera.height_px));
+    PixelWindow { left, top, width: right - left, height: bottom - top }
 }
 
 fn hull(one: PixelWindow, two: PixelWindow) -> PixelWindow {

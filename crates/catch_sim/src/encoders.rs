@@ -7,10 +7,7 @@
 //!
 //! x̂ₖ₊₁ = A·x̂ₖ + B·uₖ + L·(yₖ − C·x̂ₖ),  A = (1 h; 0 1),  B = (h²/2; h),  C = (1 0)
 
-use catch_body::{
-    JointVector,
-    quantity::{JOINT_RAD, JOINT_RADPS},
-};
+use catch_body::{JointVector, quantity};
 
 use crate::{config::RobotErrors, random_streams::Draws};
 
@@ -70,8 +67,8 @@ impl Encoders {
             self.q[i] += self.dq[i] * cycle_s + asked_radps2[i] * (cycle_s * cycle_s / 2.0) + of_position * innovation;
             self.dq[i] += asked_radps2[i] * cycle_s + of_velocity * innovation;
             // Farther they do not count.
-            self.q[i] = self.q[i].clamp(JOINT_RAD.least, JOINT_RAD.most);
-            self.dq[i] = self.dq[i].clamp(JOINT_RADPS.least, JOINT_RADPS.most);
+            self.q[i] = self.q[i].clamp(quantity::JOINT_RAD.least, quantity::JOINT_RAD.most);
+            self.dq[i] = self.dq[i].clamp(quantity::JOINT_RADPS.least, quantity::JOINT_RADPS.most);
         }
     }
 }

@@ -94,13 +94,9 @@ fn keep(
 
 /// Leaves out states that are nearer than [`STATES_S`] to the one before; never the last one.
 fn thin(samples: &mut Vec<TruthSample>) {
-    let last_s = samples.last().map(|it| it.time_s);
-    let mut kept_s = f64::NEG_INFINITY;
-    samples.retain(|it| {
-        let is_kept = it.time_s > kept_s + 0.99 * STATES_S || Some(it.time_s) == last_s;
-        kept_s = if is_kept { it.time_s } else { kept_s };
-        is_kept
-    });
+    let last = samples.last().copied();
+    samples.dedup_by(|next, kept| next.time_s < kept.time_s + 0.99 * STATES_S);
+    samples.extend(last.filter(|last| samples.last() != Some(last)));
 }
 
 #[cfg(test)]

@@ -86,13 +86,12 @@ pub fn check_memory(setup: &Setup, config: &Config, (file, field): (&str, &str))
     let is_alone = !setup.scenario.arena.floor_visible && robot.obstacles.is_empty();
     let window = |camera: &CameraModel| {
         let centre_C = camera.X_WC.inverse_transform_point(&base_W);
-        let is_far = is_alone && centre_C.z > reach_m;
-        if is_far { camera.window_around(&centre_C, reach_m) } else { camera.full_window() }
+        if is_alone && centre_C.z > reach_m { camera.window_around(&centre_C, reach_m) } else { camera.full_window() }
     };
     let pixels: u64 = setup.cameras.iter().map(|it| window(it).area() as u64).sum();
     // 1/z and a count of the mean of the images at rest, and of that of those in motion.
-    let bytes_per_pose = pixels * 10;
-    let most = MOST_BYTES / bytes_per_pose.max(1);
+    let bytes_per_pose = (pixels * 10).max(1);
+    let most = MOST_BYTES / bytes_per_pose;
     if config.poses as u64 <= most {
         return Ok(());
     }
@@ -141,9 +140,9 @@ pub fn run_session(
     ArenaSession { session: run.into_session(), poses, robot_time_s: now_s, limit_violations }
 }
 
-/// The sightings of thrown objects by cameras that are calibrated, as the scenario has the throws, in the scene (`seed`, `index`) whose
-/// cameras were believed to stand as `believed` before they were calibrated. The arm rests. No throw is one
-/// of the scenes of `seed`.
+/// The sightings of thrown objects, as the scenario has the throws, in the scene (`seed`, `index`) whose
+/// cameras were believed to stand as `believed` before they were calibrated; none where no camera is. The arm
+/// rests. No throw is one of the scenes of `seed`.
 pub fn observe_flights(
     setup: &Setup,
     calibration: &Calibration,
