@@ -6,7 +6,7 @@ use catch_body::{
     kinematics::LinkPoses,
     shape::{Capsule, Cuboid},
 };
-use catch_cell::CameraModel;
+use catch_cell::{CameraModel, PixelWindow};
 use nalgebra::{Matrix6, Point2, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -40,14 +40,18 @@ impl PosedPoints {
         let X_WG = robot.gripper_in(X_WL);
         let [left, right] = gripper.fingers(width_m);
         let boxes = [gripper.body(), left, right].map(|it| (X_WG, it)).to_vec();
-        let window = camera.full_window();
-        let moves = |i: &usize| image.shown[*i] > 0 && !still.shows(*i, image.inverse_m[*i]);
-        let moving: Vec<usize> = (0..window.area()).filter(moves).collect();
+        let PixelWindow { left, top, width, height } = image.window;
+        let pixels = (top..top + height).flat_map(|row| (left..left + width).map(move |column| [column, row]));
+        let moving = pixels.filter_map(|it| {
+            let [column, row] = it.map(|at| at as usize);
+            let (inverse_m, shown) = image.at(column, row);
+            let moves = shown > 0 && !still.shows([column, row], inverse_m);
+            moves.then(|| (it.map(|at| f64::from(at) + 0.5), inverse_m))
+        });
+        let moving: Vec<([f64; 2], f32)> = moving.collect();
         let spacing = (moving.len() / POINTS).max(1);
-        let point = |i: &usize| {
-            let uv: Point2<f64> = window.pixel_centre(*i);
-            camera.back_project(&uv, 1.0 / f64::from(image.inverse_m[*i]))
-        };
+        let point =
+            |(uv, inverse_m): &([f64; 2], f32)| camera.back_project(&Point2::from(*uv), 1.0 / f64::from(*inverse_m));
         let points_C = moving.iter().step_by(spacing | 1).map(point).collect();
         Self { capsules, boxes, points_C }
     }

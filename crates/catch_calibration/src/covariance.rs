@@ -12,27 +12,52 @@ use nalgebra::{DMatrix, DVector};
 
 use super::parameters::{FIRST_NUISANCE, OF_CAMERA};
 
-/// What one image tells of all parameters.
+/// What one image tells of the parameters that it depends on.
 pub struct ImageInformation {
+    /// Where these are among all.
+    pub places: Vec<usize>,
     pub information: DMatrix<f64>,
     pub pull: DVector<f64>,
 }
 
-/// Covariance of the parameters of all cameras, given the information of all images and the priors, and its
-/// inverse. `change` leads from where the images were linearized to the optimum.
-pub fn of_cameras(
-    information: &DMatrix<f64>,
-    inverse: &DMatrix<f64>,
-    images: &[ImageInformation],
-    change: &DVector<f64>,
-    cameras: usize,
-) -> Option<DMatrix<f64>> {
+impl ImageInformation {
+    /// Adds it, times a factor, to the information of all parameters.
+    pub fn add_to(&self, sum: &mut DMatrix<f64>, factor: f64) {
+        for (column, j) in self.places.iter().enumerate() {
+            for (row, i) in self.places.iter().enumerate() {
+                sum[(*i, *j)] += factor * self.information[(row, column)];
+            }
+        }
+    }
+
+    /// Adds its pull, from where a change of all parameters leads, to that of all.
+    pub fn add_pull_to(&self, sum: &mut DVector<f64>, change: &DVector<f64>) {
+        let pull = &self.pull - &self.information * DVector::from_fn(self.pull.len(), |i, _| change[self.places[i]]);
+        self.places.iter().zip(pull.iter()).for_each(|(at, pull)| sum[*at] += pull);
+    }
+}
+
+/// The equations of all images and the priors.
+pub struct Equations {
+    pub information: DMatrix<f64>,
+    pub inverse: DMatrix<f64>,
+    pub images: Vec<ImageInformation>,
+    /// What leads from where the images were linearized to the optimum.
+    pub change: DVector<f64>,
+}
+
+/// Covariance of the parameters of so many cameras.
+pub fn of_cameras(equations: &Equations, cameras: usize) -> Option<DMatrix<f64>> {
+    let Equations { information, inverse, images, change } = equations;
     let size = information.nrows();
     let (mut of_images, mut jackknife) = (DMatrix::zeros(size, size), DMatrix::zeros(size, size));
     for image in images {
-        of_images += &image.information;
-        let pull = &image.pull - &image.information * change;
-        let away = (information - &image.information).cholesky()?.solve(&pull);
+        image.add_to(&mut of_images, 1.0);
+        let mut without = information.clone();
+        image.add_to(&mut without, -1.0);
+        let mut away = DVector::zeros(size);
+        image.add_pull_to(&mut away, change);
+        without.cholesky()?.solve_mut(&mut away);
         jackknife.ger(1.0, &away, &away, 1.0);
     }
     let of_residuals = inverse * of_images * inverse;
@@ -67,15 +92,16 @@ mod tests {
             .map(|_| {
                 let rows = DMatrix::from_fn(20, OF_CAMERA, |_, _| draw());
                 let residuals = DVector::from_fn(20, |_, _| factor * draw());
-                ImageInformation { information: rows.tr_mul(&rows), pull: rows.tr_mul(&residuals) }
+                let places = (0..OF_CAMERA).collect();
+                ImageInformation { places, information: rows.tr_mul(&rows), pull: rows.tr_mul(&residuals) }
             })
             .collect();
         let priors = DMatrix::identity(OF_CAMERA, OF_CAMERA) * prior;
         let information = images.iter().fold(priors, |sum, it| sum + &it.information);
         let inverse = information.clone().cholesky().unwrap().inverse();
         let change = &inverse * images.iter().fold(DVector::zeros(OF_CAMERA), |sum, it| sum + &it.pull);
-        let found = of_cameras(&information, &inverse, &images, &change, 1).unwrap();
-        found.trace() / inverse.trace()
+        let equations = Equations { information, inverse, images, change };
+        of_cameras(&equations, 1).unwrap().trace() / equations.inverse.trace()
     }
 
     #[test]

@@ -38,11 +38,11 @@ pub fn measure(
         let (shows, weight) = match image {
             None => (hit.inverse_m, 1.0),
             Some(image) => {
-                let pixel = row * image.width_px + column;
-                if image.shown[pixel] == 0 {
+                let (inverse_m, shown) = image.at(column, row);
+                if shown == 0 {
                     continue;
                 }
-                (f64::from(image.inverse_m[pixel]), f64::from(image.shown[pixel]))
+                (f64::from(inverse_m), f64::from(shown))
             }
         };
         found.push(Measurement {

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, Matrix6};
 
 use super::{
     CAMERA_PARAMETERS, Calibration, CalibrationStatus, CameraCalibration, Config, Session,
-    averaged_image::{AveragedImage, StillImage, averaged},
+    averaged_image::{AveragedImage, StillImage},
     coarse::{self, PosedPoints},
     fine::{Estimate, Observed, Problem},
     parameters::{CameraState, FIRST_LINK_SD_M, FIRST_NUISANCE, OF_CAMERA, TIME_OFFSET},
@@ -40,13 +40,13 @@ pub fn calibrate(
 ) -> Calibration {
     let mut cameras = Vec::new();
     for (i, camera) in guesses.iter().enumerate() {
-        let images = averaged(i, camera, session);
-        let resting: Vec<&AveragedImage> = images.iter().filter(|it| it.is_still).collect();
-        let still = StillImage::of(&resting, config.inverse_depth_sd_per_m);
+        let images: Vec<&AveragedImage> = session.images.iter().filter(|it| it.camera == i).collect();
+        let resting: Vec<&AveragedImage> = images.iter().copied().filter(|it| it.is_still(&session.arm)).collect();
+        let still = StillImage::of(camera, &resting, config.inverse_depth_sd_per_m);
         cameras.push(Observed { camera, images, still });
     }
     let coarse = |(i, it): (usize, &Observed<'_>)| {
-        let still_images = it.images.iter().filter(|image| image.is_still);
+        let still_images = it.images.iter().filter(|image| image.is_still(&session.arm));
         let points = still_images.filter_map(|image| {
             let arm = image.arm(&session.arm, 0.0)?;
             let X_WL = robot.link_poses(&arm.q);
@@ -62,7 +62,7 @@ pub fn calibrate(
     let link_offset_m: Vec<f64> = (0..=robot.dof()).map(|link| estimate.shared.link_offset_m(link)).collect();
     let most_m = MOST_LINK_SD * config.link_sd_m.unwrap_or(FIRST_LINK_SD_M);
     let is_modelled = link_offset_m.iter().all(|offset_m| offset_m.abs() <= most_m);
-    let of_camera = |i: usize| of_camera(i, &problem.cameras[i], &estimate, is_modelled, config);
+    let of_camera = |i: usize| of_camera(i, &problem, &estimate, is_modelled);
     Calibration {
         cameras: (0..guesses.len()).map(of_camera).collect(),
         covariance: joint_covariance(&estimate, config),
@@ -85,22 +85,19 @@ fn joint_covariance(estimate: &Estimate, config: &Config) -> DMatrix<f64> {
     DMatrix::from_fn(size, size, |i, j| covariance[(place(i), place(j))] * unit(i) * unit(j))
 }
 
-fn of_camera(
-    i: usize,
-    observed: &Observed<'_>,
-    estimate: &Estimate,
-    is_modelled: bool,
-    config: &Config,
-) -> CameraCalibration {
+fn of_camera(i: usize, problem: &Problem<'_>, estimate: &Estimate, is_modelled: bool) -> CameraCalibration {
+    let Problem { arm, config, .. } = problem;
+    let observed = &problem.cameras[i];
     let (state, residuals) = (&estimate.cameras[i], estimate.residuals[i]);
     let first = OF_CAMERA * i;
     let whole = estimate.covariance.as_ref();
     let entry = |row: usize, column: usize| whole.map_or(f64::INFINITY, |it| it[(first + row, first + column)]);
     let covariance = Matrix6::from_fn(entry);
     let time_sd_s = entry(TIME_OFFSET, TIME_OFFSET).sqrt() * config.time_offset_sd_s;
-    let moves = observed.images.iter().any(|it| !it.is_still);
+    let moves = observed.images.iter().any(|it| !it.is_still(arm));
     let sd = |first: usize| covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
-    let shows_the_arm = observed.images.iter().filter(|it| it.is_still).count() >= LEAST_IMAGES && residuals.depths > 0;
+    let shows_the_arm =
+        observed.images.iter().filter(|it| it.is_still(arm)).count() >= LEAST_IMAGES && residuals.depths > 0;
     let fits = is_modelled
         && residuals.inverse_depth_sd_per_m < MOST_DEPTH_SD * config.inverse_depth_sd_per_m
         && residuals.silhouette_sd_px < MOST_SHOWN_SD_PX
@@ -122,7 +119,7 @@ fn of_camera(
         covariance,
         depth_scale: state.nuisance[0] * config.scale_sd,
         time_offset_s: state.time_offset_s(config),
-        time_offset_sd_s: moves.then_some(time_sd_s),
+        time_offset_sd_s: Some(time_sd_s).filter(|sd_s| moves && sd_s.is_finite()),
         residuals,
     }
 }

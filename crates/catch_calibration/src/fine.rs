@@ -9,7 +9,7 @@ use super::{
     averaged_image::StillImage,
     coarse::moved,
     correlation::Correlation,
-    covariance::{self, ImageInformation},
+    covariance::{self, Equations, ImageInformation},
     depths,
     measurement::Measurement,
     normal_equations::ImageEquations,
@@ -44,7 +44,7 @@ const CORRELATED_IMAGES: usize = 4;
 pub struct Observed<'a> {
     /// Its intrinsics.
     pub camera: &'a CameraModel,
-    pub images: Vec<AveragedImage>,
+    pub images: Vec<&'a AveragedImage>,
     pub still: StillImage,
 }
 
@@ -125,14 +125,15 @@ impl Problem<'_> {
         }
         // What neighbours have in common changes the weights, and so the optimum.
         state.step(Pass::Correlating);
-        let mut covariance = None;
+        let mut equations = None;
         for _ in 0..REWEIGHTED_STEPS {
-            covariance = state.step(Pass::All);
+            equations = state.step(Pass::All);
             if state.last_step.iter().all(|it| *it < SMALL) {
                 break;
             }
         }
         let State { cameras, shared, residuals, last_step, .. } = state;
+        let covariance = equations.and_then(|it| covariance::of_cameras(&it, cameras.len()));
         Estimate { cameras, shared, covariance, residuals, last_step }
     }
 }
@@ -143,20 +144,22 @@ fn offset_sd(config: &Config, image: &AveragedImage) -> f64 {
 }
 
 impl State<'_> {
-    /// One step of Gauss–Newton; the covariance of the cameras' parameters, if the equations have a solution.
-    fn step(&mut self, pass: Pass) -> Option<DMatrix<f64>> {
+    /// One step of Gauss–Newton; the equations, if they have a solution.
+    fn step(&mut self, pass: Pass) -> Option<Equations> {
         let shared_from = OF_CAMERA * self.cameras.len();
         let size = shared_from + self.shared.values.len();
         let (mut information, mut pull) = (DMatrix::zeros(size, size), DVector::zeros(size));
+        let nothing = pull.clone();
         let (mut of_images, mut images) = (Vec::new(), Vec::new());
         for camera in 0..self.cameras.len() {
             let place =
                 move |i: usize| if i < OF_CAMERA { OF_CAMERA * camera + i } else { shared_from + i - OF_CAMERA };
             for (image, equations) in self.linearized(camera, pass) {
-                let mut own = ImageInformation { information: DMatrix::zeros(size, size), pull: DVector::zeros(size) };
-                equations.eliminate_into(&mut own.information, &mut own.pull, place);
-                information += &own.information;
-                pull += &own.pull;
+                let (own, own_pull) = equations.eliminated();
+                let places = (0..own_pull.len()).map(place).collect();
+                let own = ImageInformation { places, information: own, pull: own_pull };
+                own.add_to(&mut information, 1.0);
+                own.add_pull_to(&mut pull, &nothing);
                 images.push(own);
                 of_images.push((camera, image, equations));
             }
@@ -193,7 +196,7 @@ impl State<'_> {
         if pass != Pass::First {
             self.shared.tell(|i| inverse[(shared_from + i, shared_from + i)]);
         }
-        covariance::of_cameras(&information, &inverse, &images, &change, self.cameras.len())
+        Some(Equations { information, inverse, images, change })
     }
 
     /// The equations of each image of a camera; its spread and residuals become those of these images.

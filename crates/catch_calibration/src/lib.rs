@@ -92,7 +92,7 @@ use catch_body::Pose;
 use nalgebra::{DMatrix, Matrix6};
 
 pub use arm_motion::{ArmSample, arm_at, arm_at_rest};
-use averaged_image::AveragedImage;
+pub use averaged_image::AveragedImage;
 pub use estimate::calibrate;
 pub use session::{CalibrationRun, Session};
 pub use sightings::FlightRun;

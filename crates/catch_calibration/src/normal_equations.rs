@@ -38,27 +38,20 @@ impl ImageEquations {
         (self.pull[last] - coupled) / self.information[self.size * self.size - 1]
     }
 
-    /// Adds what is known of all but the last parameter to larger equations, at the places that `place`
-    /// tells.
-    pub fn eliminate_into(
-        &self,
-        information: &mut DMatrix<f64>,
-        pull: &mut DVector<f64>,
-        place: impl Fn(usize) -> usize,
-    ) {
+    /// Information and pull of all but the last parameter.
+    pub fn eliminated(&self) -> (DMatrix<f64>, DVector<f64>) {
         let (size, last) = (self.size, self.size - 1);
+        let (mut information, mut pull) = (DMatrix::zeros(last, last), DVector::zeros(last));
         let pivot = self.information[size * size - 1];
         for i in 0..last {
             let coupled = self.information[i * size + last] / pivot;
-            pull[place(i)] += self.pull[i] - coupled * self.pull[last];
+            pull[i] = self.pull[i] - coupled * self.pull[last];
             for j in i..last {
                 let value = self.information[i * size + j] - coupled * self.information[j * size + last];
-                information[(place(i), place(j))] += value;
-                if i != j {
-                    information[(place(j), place(i))] += value;
-                }
+                (information[(i, j)], information[(j, i)]) = (value, value);
             }
         }
+        (information, pull)
     }
 }
 
@@ -81,8 +74,7 @@ mod tests {
             whole_pull += column * (2.0 * residual);
         }
         let expected = whole.cholesky().unwrap().solve(&whole_pull);
-        let (mut information, mut pull) = (DMatrix::zeros(2, 2), DVector::zeros(2));
-        image.eliminate_into(&mut information, &mut pull, |i| i);
+        let (information, pull) = image.eliminated();
         let found = information.cholesky().unwrap().solve(&pull);
         assert!((found - expected.rows(0, 2)).norm() < 1e-12);
         assert!((image.last(|i| expected[i]) - expected[2]).abs() < 1e-12);

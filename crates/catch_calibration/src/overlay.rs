@@ -3,7 +3,7 @@
 use catch_body::{Gripper, Robot, ray_cast::ArmSurface};
 use catch_cell::CameraModel;
 
-use super::{Session, averaged_image::averaged, rendering::Rendering};
+use super::{AveragedImage, Session, rendering::Rendering};
 
 /// An image in which the arm stands still, and the arm as predicted.
 #[derive(Debug, Clone)]
@@ -26,18 +26,20 @@ pub fn overlays(
     most: usize,
 ) -> Vec<Overlay> {
     let surface = ArmSurface::new(robot, gripper);
-    let images = averaged(index, camera, session).into_iter().filter(|it| it.is_still);
-    let overlay = |image: super::AveragedImage| {
+    let images = session.images.iter().filter(|it| it.camera == index && it.is_still(&session.arm));
+    let full = camera.full_window();
+    let wide = full.width as usize;
+    let overlay = |image: &AveragedImage| {
         let arm = image.arm(&session.arm, 0.0)?;
         let rendering = Rendering::new(camera, &surface, &robot.link_poses(&arm.q), arm.width_m);
-        let mut predicted = vec![false; image.shown.len()];
+        let mut predicted = vec![false; full.area()];
         let window = rendering.window;
         for (i, _) in rendering.hits.iter().enumerate().filter(|(_, hit)| hit.is_some()) {
             let (column, row) = (i % window.width as usize, i / window.width as usize);
-            predicted[(row + window.top as usize) * image.width_px + column + window.left as usize] = true;
+            predicted[(row + window.top as usize) * wide + column + window.left as usize] = true;
         }
-        let shown = image.shown.iter().map(|shown| *shown > 0).collect();
-        Some(Overlay { width_px: image.width_px, shown, predicted })
+        let shown = (0..full.area()).map(|i| image.at(i % wide, i / wide).1 > 0).collect();
+        Some(Overlay { width_px: wide, shown, predicted })
     };
     images.take(most).filter_map(overlay).collect()
 }

@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 use catch_body::{Gripper, JointVector, Robot, clearance::ArmClearance, ray_cast::ArmSurface};
 use catch_cell::CameraModel;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -153,9 +153,7 @@ fn information(
         };
         equations.add(&row, 0.0, images * weight);
     }
-    let (mut information, mut pull) = (DMatrix::zeros(OF_CAMERA, OF_CAMERA), DVector::zeros(OF_CAMERA));
-    equations.eliminate_into(&mut information, &mut pull, |i| i);
-    information
+    equations.eliminated().0
 }
 
 /// Logarithm of the determinant of the information on a pose, the nuisances eliminated: that of the whole

@@ -11,6 +11,9 @@ use nalgebra::{Point3, Vector3};
 /// Pixels around the arm that are looked at, too.
 const MARGIN_PX: u32 = 16;
 
+/// Corners of boxes nearer than this to the camera's plane, in metres, may be anywhere in the image.
+const NEAR_M: f64 = 1e-3;
+
 /// A part of the arm's surface in a camera's frame.
 #[derive(Debug, Clone, Copy)]
 struct Body<'a> {
@@ -53,8 +56,7 @@ impl<'a> Rendering<'a> {
         for (part, X_WB, caster) in surface.named_parts(X_WL, width_m) {
             let X_BC = X_WB.inv_mul(&camera.X_WC);
             let centre_C = X_BC.inverse_transform_point(&caster.centre());
-            let is_around = centre_C.z.abs() <= caster.radius() + 1e-3;
-            let window = if is_around { full } else { camera.window_around(&centre_C, caster.radius()) };
+            let window = window_of(camera, &X_BC, caster);
             if window.area() > 0 {
                 bodies.push(Body { part, X_BC, caster, nearest_m: centre_C.z - caster.radius(), window });
             }
@@ -88,7 +90,9 @@ impl<'a> Rendering<'a> {
     /// What the ray through image coordinates meets.
     pub fn hit_at(&self, u_px: f64, v_px: f64) -> Option<Hit> {
         let ray_C = ray(self.camera, u_px, v_px);
-        self.bodies.iter().fold(None, |nearest: Option<Hit>, body| {
+        let pixel = PixelWindow { left: u_px as u32, top: v_px as u32, width: 1, height: 1 };
+        let may_show = |it: &&Body<'_>| it.window.intersection(&pixel).area() > 0;
+        self.bodies.iter().filter(may_show).fold(None, |nearest: Option<Hit>, body| {
             body.cast(&ray_C, nearest.map_or(f64::INFINITY, |it| 1.0 / it.inverse_m)).or(nearest)
         })
     }
@@ -117,6 +121,28 @@ impl Body<'_> {
 pub fn ray(camera: &CameraModel, u_px: f64, v_px: f64) -> Vector3<f64> {
     let [cx, cy] = camera.principal_px;
     Vector3::new((u_px - cx) / camera.focal_px, (v_px - cy) / camera.focal_px, 1.0)
+}
+
+/// The pixels that the box around a mesh may cover.
+fn window_of(camera: &CameraModel, X_BC: &Pose, caster: &RayCaster) -> PixelWindow {
+    let corner = |i: usize| {
+        let sign = Vector3::from_fn(|axis, _| if i >> axis & 1 == 0 { 1.0 } else { -1.0 });
+        X_BC.inverse_transform_point(&(caster.centre() + caster.half_size().component_mul(&sign)))
+    };
+    let corners: [Point3<f64>; 8] = std::array::from_fn(corner);
+    if corners.iter().all(|it| it.z < 0.0) {
+        return PixelWindow::default();
+    }
+    if corners.iter().any(|it| it.z < NEAR_M) {
+        return camera.full_window();
+    }
+    let uv = corners.map(|it| camera.project(&it).unwrap_or_default());
+    let (least, greatest) = uv.iter().fold((uv[0], uv[0]), |(least, greatest), it| (least.inf(it), greatest.sup(it)));
+    // A pixel to each side, for rounding.
+    let cut = |at: f64, most: u32| at.clamp(0.0, f64::from(most)) as u32;
+    let (left, right) = (cut(least.x - 1.0, camera.width_px), cut(greatest.x + 2.0, camera.width_px));
+    let (top, bottom) = (cut(least.y - 1.0, camera.height_px), cut(greatest.y + 2.0, camera.height_px));
+    PixelWindow { left, top, width: right - left, height: bottom - top }
 }
 
 fn hull(one: PixelWindow, two: PixelWindow) -> PixelWindow {

@@ -1,11 +1,12 @@
 //! A session of calibration: the arm goes through poses and rests in each while the cameras look.
 
 use catch_body::JointVector;
-use catch_cell::{
-    ArmTrajectory, Brain, CameraModel, Command, DepthFrame, Observation, PixelWindow, Probe, TrajectoryId,
-};
+use catch_cell::{ArmTrajectory, Brain, CameraModel, Command, Observation, PixelWindow, Probe, TrajectoryId};
 
-use super::{ArmSample, Config};
+use super::{
+    ArmSample, Config,
+    averaged_image::{AveragedImage, Averaging},
+};
 use catch_bot::trajectory_optimization::MotionPlanner;
 
 /// A motion that is not executed so long after it should be was lost, in seconds.
@@ -20,8 +21,8 @@ const TRIES: usize = 3;
 pub struct Session {
     /// The arm at each tick, in the order of time.
     pub arm: Vec<ArmSample>,
-    /// Images with anything in them.
-    pub frames: Vec<DepthFrame>,
+    /// Full images, those of one pose as one.
+    pub images: Vec<AveragedImage>,
 }
 
 /// Moves the arm through poses and collects what the cameras see: a brain like any other, for any cell.
@@ -35,6 +36,7 @@ pub struct CalibrationRun {
     next_pose: usize,
     tries: usize,
     sent: u64,
+    averaging: Averaging,
     session: Session,
 }
 
@@ -65,6 +67,7 @@ impl CalibrationRun {
             next_pose: 0,
             tries: 0,
             sent: 0,
+            averaging: Averaging::default(),
             session: Session::default(),
         }
     }
@@ -75,7 +78,8 @@ impl CalibrationRun {
     }
 
     /// What was seen.
-    pub fn into_session(self) -> Session {
+    pub fn into_session(mut self) -> Session {
+        self.averaging.end(&mut self.session);
         self.session
     }
 
@@ -115,7 +119,8 @@ impl Brain for CalibrationRun {
         let (now_s, arm) = (observation.time_s, &observation.arm);
         let width_m = observation.gripper.width_m;
         self.session.arm.push(ArmSample { time_s: arm.time_s, q: arm.q, dq: arm.dq, width_m });
-        self.session.frames.extend(observation.frames.iter().filter(|it| it.window.area() > 0).cloned());
+        observation.frames.iter().for_each(|frame| self.averaging.add(frame, &self.full));
+        self.averaging.advance(&mut self.session, arm.time_s);
         match self.phase {
             Phase::Ready => self.depart(observation),
             Phase::Moving { id, start_s, end_s, has_looked } => {
@@ -151,6 +156,6 @@ impl Brain for CalibrationRun {
 
     fn reset(&mut self) {
         (self.phase, self.next_pose, self.tries) = (Phase::Ready, 0, 0);
-        self.session = Session::default();
+        (self.averaging, self.session) = (Averaging::default(), Session::default());
     }
 }

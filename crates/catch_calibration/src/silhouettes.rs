@@ -75,8 +75,7 @@ pub fn measure(
                     let shown = (it.last + 1 - reach..it.last + 1 + reach).map(|along| {
                         let (column, row) = if along_row { (along, it.line) } else { (it.line, along) };
                         let in_image = |at: i64, first: u32| (at + i64::from(first)) as usize;
-                        let pixel = in_image(row, rendering.window.top) * image.width_px
-                            + in_image(column, rendering.window.left);
+                        let pixel = [in_image(column, rendering.window.left), in_image(row, rendering.window.top)];
                         image.shown_fraction(pixel, still, rendering.at(column, row).unwrap_or(&it.hit).inverse_m)
                     });
                     (shown.sum(), reach as f64, image.count as f64)

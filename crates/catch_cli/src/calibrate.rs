@@ -166,7 +166,7 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     };
     calibration::check_memory(&setup, &config, (COMMAND_LINE, "--poses"))?;
     let bar = screen::spinner("the arm goes through its poses");
-    let session = calibration::run_session(&setup, &config, &setup.cameras, arguments.seed, 0);
+    let session = calibration::run_session(&setup, &config, &setup.cameras, (arguments.seed, 0), &mut |_| ());
     bar.set_message(format!("comparing images of {} poses", session.poses.len()));
     let found = calibrate(&config, &setup.robot, &setup.gripper, &setup.cameras, &session.session);
     bar.set_message(format!("{} throws are seen", arguments.flights));

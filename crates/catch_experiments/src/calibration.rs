@@ -6,7 +6,7 @@ mod flights;
 use anyhow::Result;
 use catch_body::{Pose, Robot};
 use catch_calibration::{CalibrationStatus, CameraCalibration, calibrate};
-use catch_cell::CameraModel;
+use catch_cell::{CameraModel, DepthFrame};
 use catch_lab::scenario::setup::{
     Choice, Setup,
     calibration::{self, ArenaSession},
@@ -181,14 +181,16 @@ fn draw(setup: &Setup, conditions: &[Condition], seed: u64, index: u64) -> Drawn
     let mut draws = Draws::new(Stream::Calibration, seed, index);
     let guesses: Vec<CameraModel> = setup.cameras.iter().map(|camera| guess(camera, &mut draws)).collect();
     let config = calibration::config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, index);
+    let mut alter = |frame: &mut DepthFrame| {
+        if conditions[0].wrong == Wrong::Noise {
+            let sd_per_m = config.inverse_depth_sd_per_m * (1.0 - config.common_fraction).sqrt();
+            correlated_noise::add(frame, sd_per_m, &mut draws);
+        }
+    };
     let ArenaSession { mut session, robot_time_s, .. } =
-        calibration::run_session(setup, &config, &guesses, seed, index);
-    if conditions[0].wrong == Wrong::Noise {
-        let sd_per_m = config.inverse_depth_sd_per_m * (1.0 - config.common_fraction).sqrt();
-        session.frames.iter_mut().for_each(|frame| correlated_noise::add(frame, sd_per_m, &mut draws));
-    }
+        calibration::run_session(setup, &config, &guesses, (seed, index), &mut alter);
     let clocks: Vec<f64> = guesses.iter().map(|_| draws.between([-CLOCK_OFF_S, CLOCK_OFF_S])).collect();
-    session.frames.iter_mut().for_each(|frame| frame.capture_s -= clocks[frame.camera]);
+    session.images.iter_mut().for_each(|image| image.capture_s -= clocks[image.camera]);
     let mut observed = None;
     let found = conditions.iter().map(|condition| {
         let robot = believed(&setup.robot, condition.wrong, &mut Draws::new(Stream::LinkMasses, seed, index));

@@ -17,7 +17,9 @@ use serde::{
 use crate::{
     bounded_file::FileKind,
     consistency,
-    recording::{Ending, FORMAT, FORMAT_VERSION, Header, MOST_UNPACKED_BYTES, RecordedTick},
+    recording::{
+        Ending, FORMAT, FORMAT_VERSION, Header, MOST_PART_BYTES, MOST_UNPACKED_BYTES, RecordedTick, most_bytes,
+    },
 };
 
 /// What every reader wants.
@@ -53,6 +55,8 @@ pub struct RecordingReader<S = IgnoredAny, T = IgnoredAny> {
     input: Input,
     /// When the last tick was.
     last_s: Option<f64>,
+    /// Bytes that the images so far would take as they are written; zeros can be written shorter.
+    image_bytes: u64,
     /// What was known before the throw.
     pub header: Header<S>,
     truth: PhantomData<T>,
@@ -86,7 +90,7 @@ impl<S: Channel, T: Channel> RecordingReader<S, T> {
         let mut input = open(path)?;
         let header: Header<S> = read(&file, &mut input, false)?;
         consistency::cell(&file, &header.cell)?;
-        Ok(Self { file, input, last_s: None, header, truth: PhantomData })
+        Ok(Self { file, input, last_s: None, image_bytes: 0, header, truth: PhantomData })
     }
 
     /// The next part of the recording.
@@ -99,6 +103,10 @@ impl<S: Channel, T: Channel> RecordingReader<S, T> {
             Part::Tick(tick) => {
                 consistency::tick(&self.file, tick, self.last_s, &self.header.cell.cameras)?;
                 self.last_s = Some(tick.observation.time_s);
+                self.image_bytes += tick.observation.frames.iter().map(most_bytes).sum::<u64>();
+                if self.image_bytes > MOST_UNPACKED_BYTES {
+                    return Err(too_large(&self.file));
+                }
                 return Ok(part);
             }
             Part::Ending(ending) => ending.ground_truth.iter().try_for_each(|it| it.check(&self.file))?,
@@ -122,13 +130,19 @@ fn open(path: &Path) -> Result<Input, InputError> {
     Ok(BufReader::new(GzDecoder::new(BufReader::new(packed)).take(MOST_UNPACKED_BYTES)))
 }
 
+fn too_large(file: &str) -> InputError {
+    let [whole, part] = [MOST_UNPACKED_BYTES, MOST_PART_BYTES].map(|it| it >> 20);
+    let expected = format!("a recording of at most {whole} MiB unpacked, {part} MiB in a tick");
+    InputError::new(file, "size", "more", expected)
+}
+
 /// Reads the next part; of a file that is no recording the `first` one cannot be read.
 fn read<T: DeserializeOwned>(file: &str, input: &mut Input, first: bool) -> Result<T, InputError> {
-    let read = serde_path_to_error::deserialize(&mut rmp_serde::Deserializer::new(&mut *input));
+    let mut part = input.by_ref().take(MOST_PART_BYTES);
+    let read = serde_path_to_error::deserialize(&mut rmp_serde::Deserializer::new(&mut part));
     read.map_err(|fault: serde_path_to_error::Error<rmp_serde::decode::Error>| {
-        if input.get_ref().limit() == 0 {
-            let expected = format!("a recording of at most {} MiB unpacked", MOST_UNPACKED_BYTES >> 20);
-            return InputError::new(file, "size", "more", expected);
+        if part.limit() == 0 || part.get_ref().get_ref().limit() == 0 {
+            return too_large(file);
         }
         let field = fault.path().to_string();
         let fault = fault.into_inner();
@@ -157,6 +171,8 @@ fn read<T: DeserializeOwned>(file: &str, input: &mut Input, first: bool) -> Resu
 
 #[cfg(test)]
 mod tests {
+    use std::io::Write;
+
     use super::*;
     use flate2::{Compression, GzBuilder};
 
@@ -177,5 +193,24 @@ mod tests {
                 && fault.contains(&FORMAT_VERSION.to_string()),
             "{fault}"
         );
+    }
+
+    /// A file of some hundred kilobytes whose header has a list of 200 million zeros.
+    #[test]
+    fn what_unpacks_to_far_more_is_not_read_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("zeros.catch");
+        let mut out = GzBuilder::new().write(File::create(&path).unwrap(), Compression::fast());
+        let zeros: u32 = 200_000_000;
+        // A map of two, with a list of so many elements.
+        out.write_all(&[0x82]).unwrap();
+        for text in ["format", FORMAT, "else"] {
+            rmp_serde::encode::write(&mut out, text).unwrap();
+        }
+        out.write_all(&[&[0xdd], &zeros.to_be_bytes()[..]].concat()).unwrap();
+        io::copy(&mut io::repeat(0).take(u64::from(zeros)), &mut out).unwrap();
+        out.finish().unwrap();
+        let fault = RecordingReader::<IgnoredAny, IgnoredAny>::open(&path).err().unwrap().to_string();
+        assert!(fault.contains("size: found more, expected a recording of at most 1024 MiB unpacked"), "{fault}");
     }
 }

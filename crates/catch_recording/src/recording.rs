@@ -31,6 +31,8 @@ pub const FORMAT_VERSION: u32 = 5;
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Bytes of an unpacked recording at most.
 pub const MOST_UNPACKED_BYTES: u64 = 1 << 30;
+/// The same of its header, of a tick and of its ending.
+pub const MOST_PART_BYTES: u64 = 64 << 20;
 /// Ending of the files' names.
 pub const EXTENSION: &str = "catch";
 
@@ -185,10 +187,13 @@ impl Write for Counted {
 }
 
 /// Bytes of an unpacked recording that are no image's: enough for the states and the story of any throw.
-pub const ROOM_WITHOUT_IMAGES: u64 = 64 << 20;
+pub const ROOM_WITHOUT_IMAGES: u64 = 256 << 20;
+
+/// The same of a tick.
+const MOST_STATE_BYTES: u64 = 1 << 20;
 
 /// Most bytes that an image takes: five for a depth, one for a pixel of the mask, and some for the rest.
-fn most_bytes(frame: &DepthFrame) -> u64 {
+pub(crate) fn most_bytes(frame: &DepthFrame) -> u64 {
     6 * frame.depth_m.len() as u64 + 1000
 }
 
@@ -230,7 +235,9 @@ impl Recorder {
         // A brain that tells nothing is recorded as one that has seen nothing.
         let report = report.map_or_else(|| (&Report::default()).into(), RecordedReport::from);
         let images: u64 = observation.frames.iter().map(most_bytes).sum();
-        let images_left_out = images > 0 && self.out.bytes + images + ROOM_WITHOUT_IMAGES > self.room;
+        let is_room =
+            self.out.bytes + images + ROOM_WITHOUT_IMAGES <= self.room && images + MOST_STATE_BYTES <= MOST_PART_BYTES;
+        let images_left_out = images > 0 && !is_room;
         let Observation { time_s, arm, gripper, .. } = observation;
         let without;
         let observation = if images_left_out {
@@ -268,16 +275,15 @@ impl Recorder {
     }
 
     fn write(&mut self, value: &impl Serialize) -> io::Result<()> {
+        let before = self.out.bytes;
         rmp_serde::encode::write_named(&mut self.out, value).map_err(|fault| match fault {
             rmp_serde::encode::Error::InvalidValueWrite(write) => write.into(),
             other => io::Error::other(other),
         })?;
-        if self.out.bytes > self.room {
-            let most = self.room >> 20;
-            return Err(io::Error::new(
-                io::ErrorKind::FileTooLarge,
-                format!("more than the {most} MiB of a recording"),
-            ));
+        if self.out.bytes > self.room || self.out.bytes - before > MOST_PART_BYTES {
+            let [most, of_part] = [self.room, MOST_PART_BYTES].map(|it| it >> 20);
+            let found = format!("more than the {most} MiB of a recording, or {of_part} MiB of a part of it");
+            return Err(io::Error::new(io::ErrorKind::FileTooLarge, found));
         }
         Ok(())
     }

@@ -212,6 +212,9 @@ impl Default for ArenaConfig {
     }
 }
 
+/// Room for the images that have been taken and have not arrived yet.
+const MOST_GIB_UNDER_WAY: f64 = 1.0;
+
 impl ArenaConfig {
     /// Everything that cannot be used although every number is within its range; `file` and `table` name the
     /// place: ranges whose ends are swapped, a frame interval that is not a whole number of steps.
@@ -229,8 +232,8 @@ impl ArenaConfig {
         faults
     }
 
-    /// What cannot be used with the cameras of a rig: faults of cameras that it does not have, and rates of
-    /// which the physics' steps leave out images.
+    /// What cannot be used with the cameras of a rig: faults of cameras that it does not have, rates of which
+    /// the physics' steps leave out images, and more images under way than there is room for.
     ///
     /// # Errors
     /// The first of them.
@@ -241,6 +244,19 @@ impl ArenaConfig {
             let found = format!("true, with a camera at {} Hz", camera.rate_hz.unwrap_or_default());
             let expected = format!("cameras at {most_hz} Hz or less, an image for each step of {} s", self.step_s);
             return Err(InputError::new(file, format!("{table}.free_running_cameras"), found, expected));
+        }
+        let [_, latest_s] = self.latency_s.bounds();
+        let bytes_per_s = |it: &CameraModel| {
+            let own_hz = it.rate_hz.unwrap_or(self.frame_rate_hz);
+            let rate_hz = if self.free_running_cameras { own_hz } else { own_hz.min(self.frame_rate_hz) };
+            // A depth and a bit of the mask for each pixel.
+            5.0 * rate_hz * it.full_window().area() as f64
+        };
+        let gib = latest_s * cameras.iter().map(bytes_per_s).sum::<f64>() / f64::from(1 << 30);
+        if gib > MOST_GIB_UNDER_WAY {
+            let found = format!("{latest_s} s, with {gib:.1} GiB of images under way");
+            let expected = format!("at most {MOST_GIB_UNDER_WAY} GiB: less latency, or fewer images or pixels");
+            return Err(InputError::new(file, format!("{table}.latency_s"), found, expected));
         }
         let faults = self.camera_faults.iter().enumerate();
         InputError::first_of(faults.map(|(i, it)| it.check(cameras, file, &format!("{table}.camera_faults[{i}]"))))

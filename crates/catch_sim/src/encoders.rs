@@ -7,7 +7,7 @@
 //!
 //! x̂ₖ₊₁ = A·x̂ₖ + B·uₖ + L·(yₖ − C·x̂ₖ),  A = (1 h; 0 1),  B = (h²/2; h),  C = (1 0)
 
-use catch_body::JointVector;
+use catch_body::{JointVector, quantity};
 
 use crate::{config::RobotErrors, random_streams::Draws};
 
@@ -66,6 +66,9 @@ impl Encoders {
             let innovation = read - self.q[i];
             self.q[i] += self.dq[i] * cycle_s + asked_radps2[i] * (cycle_s * cycle_s / 2.0) + of_position * innovation;
             self.dq[i] += asked_radps2[i] * cycle_s + of_velocity * innovation;
+            // Farther they do not count.
+            self.q[i] = self.q[i].clamp(quantity::JOINT_RAD.least, quantity::JOINT_RAD.most);
+            self.dq[i] = self.dq[i].clamp(quantity::JOINT_RADPS.least, quantity::JOINT_RADPS.most);
         }
     }
 }

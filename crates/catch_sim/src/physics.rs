@@ -89,10 +89,14 @@ pub struct WorldState {
 }
 
 impl WorldState {
-    /// Whether every number is finite.
+    /// Whether every number is finite, and joints and fingers are where sensors can tell it.
     pub fn is_finite(&self) -> bool {
+        use catch_body::quantity::{DRIVE_M, DRIVE_MPS, JOINT_RAD, JOINT_RADPS};
         let X_WO = &self.X_WO;
-        self.q.iter().chain(self.dq.iter()).chain(&self.finger_m).chain(&self.finger_mps).all(|value| value.is_finite())
+        self.q.iter().all(|it| JOINT_RAD.contains(*it))
+            && self.dq.iter().all(|it| JOINT_RADPS.contains(*it))
+            && self.finger_m.iter().all(|it| DRIVE_M.contains(2.0 * it))
+            && self.finger_mps.iter().all(|it| DRIVE_MPS.contains(2.0 * it))
             && X_WO.translation.vector.iter().chain(X_WO.rotation.coords.iter()).all(|value| value.is_finite())
             && self.V_WO.angular.iter().chain(self.V_WO.linear.iter()).all(|value| value.is_finite())
     }

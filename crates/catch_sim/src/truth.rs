@@ -9,7 +9,7 @@ use crate::throw_conditions::ThrowConditions;
 /// Everything that happened in a scene so far.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Truth {
-    /// One sample per step of the physics, the first at t = 0.
+    /// One sample per step of the physics, the first at t = 0; recordings keep at most 2000 per second.
     pub samples: Vec<TruthSample>,
     /// What the robot controller noticed.
     pub servo: ServoReport,

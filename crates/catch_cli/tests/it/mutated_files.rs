@@ -16,10 +16,10 @@ use std::{
     process::Command,
 };
 
+use catch_body::TriangleMesh;
 use serde_json::Value;
 
-use crate::catchingbot;
-use crate::mutations::mutator::Mutator;
+use crate::{catchingbot, depth_scan, mutations::mutator::Mutator};
 
 /// CPU seconds and KiB of memory after which the system ends the program.
 const MOST_CPU_S: u32 = 60;
@@ -136,6 +136,7 @@ fn add_meshes_and_data(add: &mut impl FnMut(Kind)) {
         })
         .collect();
     add(Kind::new("track", "t.csv", track.clone(), "predict --track FILE --up z --at 0.7 --json"));
+    add(depth_scan());
     let learned = assets("flights").remove(0).1;
     let command = "predict --track FOLDER/t.csv --object FILE --json";
     add(Kind::new("learned flight", "f.toml", learned, command).beside("t.csv", track));
@@ -152,6 +153,19 @@ fn add_meshes_and_data(add: &mut impl FnMut(Kind)) {
     let resume = &format!("eval {} --resume --json --out FOLDER", PAPER_EVALUATION.join(" "));
     add(Kind::new("rows", "trials.jsonl", log.clone(), resume).beside("evaluation.toml", identity.clone()));
     add(Kind::new("evaluation", "evaluation.toml", identity, resume).beside("trials.jsonl", log));
+}
+
+/// The cameras of a scan of a ball.
+fn depth_scan() -> Kind {
+    let folder = tempfile::tempdir().unwrap();
+    let scan = folder.path().join("scan");
+    depth_scan::write(&scan, &TriangleMesh::sphere(0.05, 3));
+    let command = "object import FOLDER --out FOLDER/o/ball --json";
+    let files = fs::read_dir(scan).unwrap().map(|it| it.unwrap().path());
+    let images = files.filter(|it| it.extension().is_some_and(|it| it == "png"));
+    images.fold(Kind::new("depth scan", "rig.toml", depth_scan::RIG, command), |kind, image| {
+        kind.beside(image.file_name().unwrap().to_str().unwrap(), fs::read(&image).unwrap())
+    })
 }
 
 /// An evaluation of a throw that is always the same.

@@ -13,6 +13,7 @@
 mod imported;
 pub mod mutator;
 mod values;
+mod written;
 
 use std::{
     collections::BTreeMap,
@@ -308,6 +309,7 @@ fn loads() -> BTreeMap<String, Load<'static>> {
         }),
     );
     loads.extend(imported::loads());
+    loads.extend(written::loads());
     loads
 }
 

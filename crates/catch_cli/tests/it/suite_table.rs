@@ -5,7 +5,7 @@ use std::{fs, path::Path};
 use catch_lab::suite::Suite;
 use serde_json::{Value, json};
 
-use crate::{catchingbot, stderr, stdout};
+use crate::{catchingbot, mutations::mutator::Mutator, stderr, stdout};
 
 /// A document as `suite run` writes it.
 fn document(brain: &str) -> Value {
@@ -71,6 +71,21 @@ fn a_table_is_made_of_results_alone() {
     fs::write(folder.path().join("catch-2026.2-idle.json"), old.to_string()).unwrap();
     let (code, said) = table(folder.path());
     assert!(code == Some(2) && said.contains("version: found 0.0.1"), "{said}");
+}
+
+#[test]
+fn changed_documents_are_read_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let right = document("ours").to_string();
+    let tried = (0..100).map(|seed| {
+        let mut mutator = if seed == 0 { Mutator::idle() } else { Mutator::new(seed) };
+        fs::write(folder.path().join("catch-2026.2-ours.json"), mutator.text(&right)).unwrap();
+        let (code, said) = table(folder.path());
+        assert!(code == Some(0) || code == Some(2) && said.contains("expected "), "{seed}: {code:?} {said}");
+        code == Some(0)
+    });
+    let read: Vec<bool> = tried.collect();
+    assert!(read[0] && !read.iter().all(|it| *it));
 }
 
 #[test]

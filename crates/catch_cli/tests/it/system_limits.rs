@@ -36,7 +36,14 @@ fn what_takes_too_much_is_refused_with_its_bound() {
     for (arguments, says) in [
         (&["eval", "--threads", "100000"][..], "a whole number from 1 to 1024"),
         (&["catch", "--set", &large, "--out", &at("c")], "31920000 pixels, expected at most 8 megapixels"),
-        (&["calibrate", "--poses", "100", "--out", &at("d")], "expected at most 29 with these cameras"),
+        (
+            &["catch", "--set", "arena.latency_s=0.5", "--set", "arena.frame_rate_hz=1000.0", "--out", &at("e")],
+            "arena.latency_s: found 0.5 s, with 5.6 GiB of images under way, expected at most 1 GiB",
+        ),
+        (
+            &["calibrate", "--poses", "100", "--set", "arena.floor_visible=true", "--out", &at("d")],
+            "expected at most 89 with these cameras",
+        ),
     ] {
         let output = catchingbot(arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");

@@ -6,7 +6,7 @@ use std::{
 };
 
 use catch_recording::{Ending, Recorder, timeline::Entry};
-use catch_sim::ThrowConditions;
+use catch_sim::{ThrowConditions, TruthSample};
 
 use crate::{
     recording::{self, GroundTruth, recorded_surface::RecordedSurface, story::Story, throw_times::ThrowTimes},
@@ -14,6 +14,10 @@ use crate::{
     scenario::setup::Setup,
     trial::{self, stopwatch::Stopwatch},
 };
+
+/// True states are recorded no nearer to each other than this, in seconds: steps of the physics may be much
+/// shorter, and what is recorded of a throw may not be much larger for it.
+const STATES_S: f64 = 5e-4;
 
 /// A throw and its recording.
 #[derive(Debug)]
@@ -57,7 +61,7 @@ fn keep(
     tell: &mut dyn FnMut(&Entry) -> io::Result<()>,
 ) -> io::Result<RecordedThrow> {
     let mut timeline = Story::default();
-    let trial = trial::run(setup, seed, index, &mut |tick, truth| {
+    let mut trial = trial::run(setup, seed, index, &mut |tick, truth| {
         recorder.ticked(tick)?;
         timeline.ticked(tick, truth).iter().try_for_each(&mut *tell)
     })?;
@@ -70,6 +74,7 @@ fn keep(
     let undisturbed_m =
         verdict.catch_time_s.and_then(|catch_s| referee::undisturbed_position(&trial.truth, &setup.object, catch_s));
     let com_O = referee::true_com_O(setup);
+    thin(&mut trial.truth.samples);
     let ground_truth =
         Some(GroundTruth { truth: trial.truth, verdict: verdict.clone(), surface, com_O, undisturbed_m });
     let timeline = timeline.into_entries();
@@ -85,6 +90,13 @@ fn keep(
         stopwatch: trial.stopwatch,
         images_until_s,
     })
+}
+
+/// Leaves out states that are nearer than [`STATES_S`] to the one before; never the last one.
+fn thin(samples: &mut Vec<TruthSample>) {
+    let last = samples.last().copied();
+    samples.dedup_by(|next, kept| next.time_s < kept.time_s + 0.99 * STATES_S);
+    samples.extend(last.filter(|last| samples.last() != Some(last)));
 }
 
 #[cfg(test)]
@@ -121,6 +133,21 @@ mod tests {
         let replay = replay(&thrown.recording).unwrap();
         assert_eq!((replay.images_until_s, replay.identical), (Some(until_s), true));
         assert!(replay.ticks > 0 && replay.ticks < ticks.len(), "{}", replay.ticks);
+    }
+
+    #[test]
+    fn states_of_short_steps_are_left_out() {
+        let setup = Setup::load(&Choice::default()).unwrap();
+        let samples = trial::run(&setup, 1, 0, &mut |_, _| Ok(())).unwrap().truth.samples;
+        let recorded = |step_s: f64| {
+            let mut samples = samples[..1002].to_vec();
+            samples.iter_mut().enumerate().for_each(|(i, it)| it.time_s = step_s * i as f64);
+            thin(&mut samples);
+            (samples.len(), samples.last().unwrap().time_s)
+        };
+        assert_eq!(recorded(5e-4), (1002, 5e-4 * 1001.0));
+        // 50 steps of 10 µs, twenty times, and the last step.
+        assert_eq!(recorded(1e-5), (22, 1e-5 * 1001.0));
     }
 
     #[test]

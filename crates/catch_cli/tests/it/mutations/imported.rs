@@ -11,18 +11,16 @@ use catch_import::{
 };
 use catch_lab::{
     assets::{Asset, Origin},
-    evaluation::{Cell, Evaluation, results::Results},
-    scenario::setup::{Choice, Setup},
     study::Study,
 };
 use serde_json::json;
 
-use super::{Load, Mutator, obj, read, root, text};
+use super::{Load, obj, read, root, text};
 
 /// What has a right file here: the file's name and its content.
 type Right = (&'static str, Vec<u8>);
 
-/// Ways of loading for the files of other programs, workcells, studies and rows.
+/// Ways of loading for the files of other programs, workcells and studies.
 pub fn loads() -> Vec<(String, Load<'static>)> {
     let mut loads: Vec<(String, Load)> = Vec::new();
     for (name, right) in objects() {
@@ -52,7 +50,6 @@ pub fn loads() -> Vec<(String, Load<'static>)> {
         });
         loads.push((format!("study {file}"), load));
     }
-    loads.push(("rows".into(), rows()));
     loads
 }
 
@@ -200,19 +197,4 @@ fn robots() -> Vec<(String, Load<'static>)> {
         ("robot import URDF".into(), Box::new(move |it| load(it.text(&urdf), right_limits.clone().into_bytes()))),
         ("robot import YAML".into(), Box::new(move |it| again(right_urdf.clone().into_bytes(), it.text(&limits)))),
     ]
-}
-
-/// Rows as an evaluation that goes on finds them.
-fn rows() -> Load<'static> {
-    let setup = Setup::load(&Choice::default()).unwrap();
-    let evaluation = Evaluation { cells: vec![Cell::new(setup)], seed: 1, first: 0, trials: 3 };
-    let folder = tempfile::tempdir().unwrap();
-    let (mut results, _) = Results::open(folder.path(), &evaluation, false).unwrap();
-    evaluation.run(0, 1, &mut |row, _| results.add(&row)).unwrap();
-    drop(results);
-    let log = read(&folder.path().join("trials.jsonl"));
-    Box::new(move |it: &mut Mutator| {
-        fs::write(folder.path().join("trials.jsonl"), it.text(&log)).unwrap();
-        Results::open(folder.path(), &evaluation, true).map(drop)
-    })
 }

@@ -12,7 +12,7 @@ use catch_calibration::{
     Calibration, CalibrationRun, CalibrationStatus, CameraCalibration, Config, FlightRun, Session, calibrate,
     flights::Flight, pose_choice::choose_poses,
 };
-use catch_cell::{Brain, CameraModel, Cell};
+use catch_cell::{Brain, CameraModel, Cell, DepthFrame};
 use catch_sim::{
     Arena, Release,
     cameras::DepthCameras,
@@ -68,18 +68,30 @@ pub(super) fn config_of(setup: &Setup, settings: &CalibrationSettings, seed: u64
     Config { poses: settings.poses, ..config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, seed) }
 }
 
-/// Memory that the images of a calibration take at most, in bytes: they are held until all are there.
+/// Memory that the images of a calibration take at most, in bytes.
 const MOST_BYTES: u64 = 2 << 30;
+/// Beyond its links' origins and where it holds things, the arm reaches no farther than this, in metres.
+const AROUND_M: f64 = 0.3;
 
-/// Whether there is room for all images of a calibration.
+/// Whether there is room for all images of a calibration. Where nothing stands behind the arm, they keep what
+/// it can reach.
 ///
 /// # Errors
 /// If there is not; file and field are those of the number of poses.
 pub fn check_memory(setup: &Setup, config: &Config, (file, field): (&str, &str)) -> Result<(), InputError> {
-    let pixels: u64 = setup.cameras.iter().map(|it| u64::from(it.width_px) * u64::from(it.height_px)).sum();
-    // Depth and mask of the images at rest and of one in motion; 1/z and a count of the mean of each.
-    let bytes_per_pose = pixels * (5 * (config.images_per_pose as u64 + 1) + 10);
-    let most = MOST_BYTES / bytes_per_pose.max(1);
+    let Setup { robot, gripper, .. } = setup;
+    let base_W = Point3::from(robot.X_WB.translation.vector);
+    let links_m: f64 = robot.joints.iter().map(|it| it.X_PL.translation.vector.norm()).sum();
+    let reach_m = links_m + (robot.X_LG * gripper.grasp_centre()).coords.norm() + AROUND_M;
+    let is_alone = !setup.scenario.arena.floor_visible && robot.obstacles.is_empty();
+    let window = |camera: &CameraModel| {
+        let centre_C = camera.X_WC.inverse_transform_point(&base_W);
+        if is_alone && centre_C.z > reach_m { camera.window_around(&centre_C, reach_m) } else { camera.full_window() }
+    };
+    let pixels: u64 = setup.cameras.iter().map(|it| window(it).area() as u64).sum();
+    // 1/z and a count of the mean of the images at rest, and of that of those in motion.
+    let bytes_per_pose = (pixels * 10).max(1);
+    let most = MOST_BYTES / bytes_per_pose;
     if config.poses as u64 <= most {
         return Ok(());
     }
@@ -95,8 +107,14 @@ pub fn true_cameras(setup: &Setup, seed: u64, index: u64) -> Vec<CameraModel> {
 }
 
 /// Lets the arm go through poses chosen for cameras that are believed to stand as `guesses`, in the scene
-/// (`seed`, `index`).
-pub fn run_session(setup: &Setup, config: &Config, guesses: &[CameraModel], seed: u64, index: u64) -> ArenaSession {
+/// (`seed`, `index`), whose images may be altered first.
+pub fn run_session(
+    setup: &Setup,
+    config: &Config,
+    guesses: &[CameraModel],
+    (seed, index): (u64, u64),
+    alter: &mut dyn FnMut(&mut DepthFrame),
+) -> ArenaSession {
     let settings = setup.uncalibrated_config(seed, index).config().trajectory_optimization;
     let planner = MotionPlanner::new(setup.robot.clone(), setup.gripper.clone(), settings);
     let poses = choose_poses(config, &planner, &setup.gripper, guesses);
@@ -111,7 +129,8 @@ pub fn run_session(setup: &Setup, config: &Config, guesses: &[CameraModel], seed
     let mut arena = Arena::new(setup.equipment(), &release, &setup.robot.ready_q, seed, index);
     let mut now_s = 0.0;
     while !run.is_done() && now_s < LONGEST_S {
-        let Ok(observation) = arena.sense();
+        let Ok(mut observation) = arena.sense();
+        observation.frames.iter_mut().filter(|it| it.window.area() > 0).for_each(&mut *alter);
         now_s = observation.time_s;
         let command = run.tick(&observation, &mut ());
         arena.act_after(setup.scenario.clock.delay_s(0.0), &command);
@@ -122,8 +141,8 @@ pub fn run_session(setup: &Setup, config: &Config, guesses: &[CameraModel], seed
 }
 
 /// The sightings of thrown objects, as the scenario has the throws, in the scene (`seed`, `index`) whose
-/// cameras were believed to stand as `believed` before they were calibrated. The arm rests. No throw is one
-/// of the scenes of `seed`.
+/// cameras were believed to stand as `believed` before they were calibrated; none where no camera is. The arm
+/// rests. No throw is one of the scenes of `seed`.
 pub fn observe_flights(
     setup: &Setup,
     calibration: &Calibration,
@@ -131,7 +150,8 @@ pub fn observe_flights(
     flights: usize,
     (seed, index): (u64, u64),
 ) -> Vec<Flight> {
-    if flights == 0 {
+    let is_calibrated = calibration.cameras.iter().any(|it| it.status == CalibrationStatus::Converged);
+    if flights == 0 || !is_calibrated {
         return Vec::new();
     }
     let cameras = calibrated_cameras(believed, &calibration.cameras);
@@ -174,7 +194,7 @@ impl CalibratedCameras {
         };
         let believed: Vec<CameraModel> = setup.cameras.iter().map(believed).collect();
         let config = config_of(setup, settings, seed);
-        let session = run_session(setup, &config, &believed, seed, 0).session;
+        let session = run_session(setup, &config, &believed, (seed, 0), &mut |_| ()).session;
         let found = calibrate(&config, &setup.robot, &setup.gripper, &believed, &session);
         let found: Vec<CameraCalibration> = found.cameras.into_iter().map(|it| claimed(it, settings)).collect();
         Self { cameras: calibrated_cameras(&believed, &found), found }
