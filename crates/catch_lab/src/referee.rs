@@ -366,7 +366,7 @@ impl<'a> Evidence<'a> {
     }
 
     /// How fast the object moves in the gripper: its way over the last 10 ms. The speed of a single step
-    /// would not do: when the engine changes the points at which two faces touch, a held object jerks by
+    /// would not do: when the physics changes the points at which two faces touch, a held object jerks by
     /// hundredths of a millimetre within one.
     fn speed_in_hand_mps(&self, now: &TruthSample) -> f64 {
         let Some(before) = sample_at(self.truth, now.time_s - SPEED_OVER_S) else { return f64::INFINITY };

@@ -268,3 +268,100 @@ impl Posture {
         self.factor.solve(impulses)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix3, Point3, Quaternion};
+
+    use super::*;
+
+    #[derive(serde::Deserialize)]
+    struct Golden {
+        links: Vec<GoldenLink>,
+        states: Vec<State>,
+    }
+
+    #[derive(serde::Deserialize)]
+    struct GoldenLink {
+        parent: usize,
+        q_xyzw: [f64; 4],
+        p_m: [f64; 3],
+        axis: [f64; 3],
+        mass_kg: f64,
+        com_m: [f64; 3],
+        about_com_kgm2: [f64; 9],
+        rotor_inertia: f64,
+    }
+
+    #[derive(serde::Deserialize)]
+    struct State {
+        q: [f64; COORDINATES],
+        v: [f64; COORDINATES],
+        tau: [f64; COORDINATES],
+        a: [f64; COORDINATES],
+    }
+
+    fn machine(golden: &Golden) -> Machine {
+        let link = |(i, it): (usize, &GoldenLink)| Link {
+            parent: it.parent,
+            kind: if i < MAX_JOINTS { Kind::Revolute } else { Kind::Prismatic },
+            X_PL: Pose::from_parts(it.p_m.into(), UnitQuaternion::new_normalize(Quaternion::from(it.q_xyzw))),
+            axis: UnitVector3::new_normalize(it.axis.into()),
+            inertia: Inertia {
+                mass: it.mass_kg,
+                com: Point3::from(it.com_m),
+                about_com: Matrix3::from_column_slice(&it.about_com_kgm2),
+            },
+            rotor_inertia: it.rotor_inertia,
+            damping: 0.0,
+        };
+        Machine {
+            links: golden.links.iter().enumerate().map(link).collect(),
+            X_WB: Pose::identity(),
+            hand: MAX_JOINTS,
+            X_HG: Pose::identity(),
+            widest_m: 0.1,
+            positions: Coordinates::zeros(),
+            velocities: Coordinates::zeros(),
+        }
+    }
+
+    /// `tests/golden/README.md` says how the numbers were made.
+    #[test]
+    fn forward_dynamics_are_those_of_pinocchio() {
+        let golden: Vec<Golden> =
+            serde_json::from_str(include_str!("../../tests/golden/forward_dynamics.json")).unwrap();
+        let mut worst = 0.0f64;
+        for golden in &golden {
+            let machine = machine(golden);
+            for State { q, v, tau, a } in &golden.states {
+                let posture = machine.posture(&Coordinates::from(*q), 0.0).unwrap();
+                let bias = machine.bias_forces(&posture, &Coordinates::from(*v), &Vector3::new(0.0, 0.0, -9.81));
+                let ours = posture.answer(&(Coordinates::from(*tau) - bias));
+                let theirs = Coordinates::from(*a);
+                worst = worst.max((ours - theirs).norm() / theirs.norm());
+            }
+        }
+        assert!(golden.len() == 12 && worst < 1e-9, "{worst}");
+    }
+
+    /// The rate of a row's velocity by finite differences of positions.
+    #[test]
+    fn rows_are_derivatives_of_points() {
+        let golden: Vec<Golden> =
+            serde_json::from_str(include_str!("../../tests/golden/forward_dynamics.json")).unwrap();
+        let machine = machine(&golden[0]);
+        let q = Coordinates::from(golden[0].states[0].q);
+        let posture = machine.posture(&q, 0.0).unwrap();
+        let (local, direction) = (Point3::new(0.1, -0.2, 0.3), Vector3::new(0.3, 0.5, -0.8));
+        for body in 1..=COORDINATES {
+            let at = |q: &Coordinates| machine.posture(q, 0.0).unwrap().X_WL[body] * local;
+            let row = machine.row(&posture, body, direction, &at(&q).coords);
+            for i in 0..COORDINATES {
+                let step = Coordinates::ith(i, 1e-6);
+                let rate = (at(&(q + step)) - at(&(q - step))).dot(&direction) / 2e-6;
+                assert!((rate - row[i]).abs() < 1e-8, "body {body}, coordinate {i}: {rate} and {}", row[i]);
+            }
+        }
+    }
+}

@@ -36,8 +36,7 @@ fn world(settings: WorldSettings, on_arm: bool, object: &ThrownObject, draws: &m
     World::new(settings, mount, &gripper, 0.1, (object, &release))
 }
 
-/// Without motors no contact gives energy, for any restitution up to the errors of integration: 3.1 % at a
-/// restitution of 1, a third of it with half the step. The engine's one sweep alone gives up to 15 %.
+/// Without motors no contact gives energy, for any restitution up to the errors of integration.
 #[test]
 #[expect(clippy::print_stdout, reason = "the figure of docs/reference/checks.md")]
 fn no_contact_gives_energy() {
@@ -66,7 +65,7 @@ fn no_contact_gives_energy() {
     let [below, at_one] = worst;
     println!("energy rises by {below:.1e} at most for a restitution up to 0.75, by {at_one:.1e} for 1");
     assert!(touching > 150, "{touching} of 240 met the hand");
-    assert!(below < 1e-3 && at_one < 0.035, "{below}, {at_one}");
+    assert!(below < 1e-3 && at_one < 0.02, "{below}, {at_one}");
 }
 
 /// The change of the momentum across the fingers is the sum of their counted forces, in each step of a
@@ -113,11 +112,11 @@ fn forces_of_fingers_are_all_that_the_object_feels_across_them() {
         }
     }
     assert!(double > 60, "{double} steps with both fingers");
-    assert!(worst < 0.01, "{worst} of the largest impulse");
+    assert!(worst < 1e-4, "{worst} of the largest impulse");
 }
 
 /// What is thrown at the mirror image of a place moves as in a mirror, through contacts too: a ball exactly,
-/// and a bottle, which the engine meets at several points, within 3 mm 20 ms later.
+/// and a bottle, which is met at several points one after the other, within 0.5 mm 20 ms later.
 #[test]
 fn a_mirrored_throw_goes_a_mirrored_way() {
     let gripper = setting::gripper();
@@ -158,5 +157,5 @@ fn a_mirrored_throw_goes_a_mirrored_way() {
     }
     assert!(touching > 12, "{touching} met the hand");
     let [ball_m, bottle_m] = farthest_m;
-    assert!(ball_m < 1e-9 && bottle_m < 3e-3, "{ball_m} m and {bottle_m} m 20 ms after the first contact");
+    assert!(ball_m < 1e-9 && bottle_m < 5e-4, "{ball_m} m and {bottle_m} m 20 ms after the first contact");
 }

@@ -68,24 +68,21 @@ fn the_arm_falls_as_in_mujoco() {
     let mut cases_seen = 0;
     for case in cases.iter().filter(|case| case.rotors_and_damping) {
         let error = largest_error(case, gripper_width_m, 1e-3);
-        assert!(error <= 0.003, "{}: {error} rad", case.start);
+        assert!(error <= 0.001, "{}: {error} rad", case.start);
         cases_seen += 1;
     }
     assert_eq!(cases_seen, 3);
 }
 
 /// Without rotors and damping the arm is chaotic: its wrist turns at tens of rad/s, and errors of integration
-/// grow tenfold in 0.1 s. MuJoCo's own semi-implicit Euler is off by as much at the same step. What remains
-/// is discretization: it vanishes in proportion to the step, as fingers are at their stops.
+/// grow tenfold in 0.1 s. What remains is discretization: it vanishes in proportion to the step, as fingers are
+/// at their stops.
 #[test]
 fn a_bare_chain_of_links_falls_as_in_mujoco() {
     let Golden { gripper_width_m, cases } = golden();
     for case in cases.iter().filter(|case| !case.rotors_and_damping) {
         let [coarse, finer] = [1e-3, 2.5e-4].map(|step_s| largest_error(case, gripper_width_m, step_s));
-        if case.start == "in_a_plane" {
-            assert!(coarse <= 0.012, "{}: {coarse} rad", case.start);
-        }
-        assert!(finer <= 0.012, "{}: {finer} rad in steps of 0.25 ms", case.start);
+        assert!(coarse <= 0.012, "{}: {coarse} rad", case.start);
         assert!((0.2..0.3).contains(&(finer / coarse)), "{}: {coarse} then {finer}", case.start);
     }
 }
