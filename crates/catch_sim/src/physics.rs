@@ -124,6 +124,8 @@ enum Part {
     Obstacle,
 }
 
+/// Things that move against each other more slowly are at rest, in m/s.
+const AT_REST_MPS: f64 = 0.01;
 /// How many parts there are.
 const PARTS: usize = 7;
 
@@ -149,6 +151,34 @@ pub struct World {
     object: Object,
     /// Of the last step.
     contact_forces: ContactForces,
+}
+
+/// Normal impulses on the object in a step, by what pushes, in N·s.
+#[derive(Default)]
+struct Impulses([f64; PARTS]);
+
+impl Impulses {
+    fn add(&mut self, part: Part, impulse_ns: f64) {
+        self.0[part as usize] += impulse_ns;
+    }
+
+    /// As forces over a step.
+    fn forces(&self, step_s: f64) -> ContactForces {
+        let impulse_ns = |part: Part| self.0[part as usize];
+        let touches = |part: Part| impulse_ns(part) > 0.0;
+        ContactForces {
+            contact: Contact {
+                left_finger: touches(Part::LeftFinger),
+                right_finger: touches(Part::RightFinger),
+                palm: touches(Part::Palm),
+                arm: touches(Part::Arm),
+                floor: touches(Part::Floor),
+                obstacle: touches(Part::Obstacle),
+                peak_impulse_ns: self.0.iter().copied().fold(0.0, f64::max),
+            },
+            finger_n: [Part::LeftFinger, Part::RightFinger].map(|part| impulse_ns(part) / step_s),
+        }
+    }
 }
 
 /// The object, and where its centre of mass C is; C has the axes of O.
@@ -214,10 +244,24 @@ impl World {
     }
 
     fn try_step(&mut self, loads: &Loads) -> Option<()> {
-        let step_s = self.settings.step_s;
+        let mut impulses = Impulses::default();
+        self.advance(loads, (self.settings.step_s, self.settings.substeps), &mut impulses)?;
+        self.contact_forces = impulses.forces(self.settings.step_s);
+        Some(())
+    }
+
+    /// Lets `step_s` pass, in so many parts where something moves against something.
+    fn advance(&mut self, loads: &Loads, (step_s, parts): (f64, usize), impulses: &mut Impulses) -> Option<()> {
         let Machine { positions, velocities, .. } = self.machine;
         let forces = self.machine.joined(&loads.torque, loads.finger_force_n);
         let posture = self.machine.posture(&positions, step_s)?;
+        let bodies = self.bodies(&posture);
+        let touches = self.colliders.touches(&bodies, step_s);
+        if parts > 1 && touches.iter().any(|touch| bodies.relative_mps(touch) > AT_REST_MPS) {
+            return (0..parts)
+                .try_for_each(|_| self.advance(loads, (step_s / parts as f64, 1), impulses).ok_or(()))
+                .ok();
+        }
         let damping = self.machine.damping(&velocities);
         let acceleration_in = |posture: &Posture, velocities: &Coordinates| {
             posture.answer(&(forces - damping - self.machine.bias_forces(posture, velocities, &loads.gravity)))
@@ -226,28 +270,30 @@ impl World {
         let halfway = velocities + acceleration_in(&posture, &velocities) * (step_s / 2.0);
         let half_posture = self.machine.posture(&(positions + velocities * (step_s / 2.0)), step_s)?;
         let acceleration = acceleration_in(&half_posture, &halfway);
-        let touches = self.colliders.touches(&self.bodies(&posture), step_s);
         let stops = self.machine.stops(&acceleration, step_s);
         if touches.is_empty() && stops.is_empty() {
             self.machine.positions += halfway * step_s;
             self.machine.velocities += acceleration * step_s;
             self.object.fly(loads, step_s);
-            self.contact_forces = ContactForces::default();
         } else {
-            self.contact_forces = self.step_in_contact(loads, (&posture, &acceleration), touches, &stops);
+            // The stops of the fingers alone are met in parts at no cost.
+            let parts = if touches.is_empty() { self.settings.substeps } else { 1 };
+            self.step_in_contact(loads, (&posture, &acceleration), (touches, &stops), (step_s, parts), impulses);
         }
         Some(())
     }
 
-    /// A step in which something may touch something, divided into the solver's.
+    /// A step in which something may touch something, in so many parts.
     fn step_in_contact(
         &mut self,
         loads: &Loads,
         (posture, acceleration): (&Posture, &Coordinates),
-        touches: Vec<Touch>,
-        stops: &[Stop],
-    ) -> ContactForces {
-        let WorldSettings { step_s, substeps, friction, restitution, .. } = self.settings;
+        met: (Vec<Touch>, &[Stop]),
+        (step_s, parts): (f64, usize),
+        impulses: &mut Impulses,
+    ) {
+        let WorldSettings { friction, restitution, .. } = self.settings;
+        let part_s = step_s / parts as f64;
         let Object { free, mut X_WC, V_WC, stiffness_npm, .. } = self.object;
         let mut positions = self.machine.positions;
         let before = Velocities { machine: self.machine.velocities, linear: V_WC.linear, angular: V_WC.angular };
@@ -258,14 +304,12 @@ impl World {
             inverse_inertia_W: free.inverse_inertia_along(&X_WC.rotation),
             p_WC: X_WC.translation.vector,
         };
-        let surface = (friction, stiffness_npm);
-        let mut contacts = Contacts::new(&masses, (touches, stops), surface, &before, (step_s, substeps));
-        let part_s = contacts.step_s;
+        let mut contacts = Contacts::new(&masses, met, (friction, stiffness_npm), part_s);
         let linear = loads.gravity + loads.object_force_n / free.mass_kg;
         let q_WC = X_WC.rotation;
         let mut momentum = free.momentum(&q_WC, &V_WC.angular);
         let mut now = before;
-        for _ in 0..(step_s / part_s).round() as usize {
+        for _ in 0..parts {
             now.machine += acceleration * part_s;
             now.linear += linear * part_s;
             momentum += loads.object_torque_nm * part_s;
@@ -281,16 +325,11 @@ impl World {
         }
         now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
         let contacts = contacts.contacts;
-        let mut impulses_ns = [0.0; PARTS];
         let of_object = || contacts.iter().filter(|it| it.touch.pushed == Body::Object);
-        for contact in of_object() {
-            impulses_ns[contact.touch.part as usize] += contact.impulse_ns();
-        }
-        let touched = impulses_ns.map(|impulse_ns| impulse_ns > 0.0);
-        if touched.contains(&true) {
+        if of_object().any(|it| it.impulse_ns() > 0.0) {
+            of_object().for_each(|it| impulses.add(it.touch.part, it.impulse_ns()));
             let unpushed = now.angular;
-            let added_ns = restitution::let_rebound::<PARTS>(of_object(), restitution, &before, &mut now);
-            impulses_ns.iter_mut().zip(added_ns).for_each(|(impulse_ns, added_ns)| *impulse_ns += added_ns);
+            restitution::let_rebound(of_object(), restitution, &before, &mut now, impulses);
             momentum += free.momentum(&q_WC, &(now.angular - unpushed));
             now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
             (self.object.X_WC, self.object.V_WC) = (X_WC, Twist { angular: now.angular, linear: now.linear });
@@ -300,25 +339,6 @@ impl World {
         (self.machine.positions, self.machine.velocities) = (positions, now.machine);
         for contact in &contacts {
             self.colliders.keep_load(&contact.touch, contact.load(part_s));
-        }
-        self.counted(&impulses_ns, &touched)
-    }
-
-    /// What touched the object in a step, from the impulses of the parts.
-    fn counted(&self, impulses_ns: &[f64; PARTS], touched: &[bool; PARTS]) -> ContactForces {
-        let force_n = |part: Part| impulses_ns[part as usize] / self.settings.step_s;
-        let touches = |part: Part| touched[part as usize];
-        ContactForces {
-            contact: Contact {
-                left_finger: touches(Part::LeftFinger),
-                right_finger: touches(Part::RightFinger),
-                palm: touches(Part::Palm),
-                arm: touches(Part::Arm),
-                floor: touches(Part::Floor),
-                obstacle: touches(Part::Obstacle),
-                peak_impulse_ns: impulses_ns.iter().copied().fold(0.0, f64::max),
-            },
-            finger_n: [force_n(Part::LeftFinger), force_n(Part::RightFinger)],
         }
     }
 

@@ -105,14 +105,25 @@ impl Bodies {
         }
     }
 
+    /// Angular velocity of a body, and velocity of its point that is at `point`.
+    fn velocities(&self, body: Body, point: &Vector3<f64>) -> [Vector3<f64>; 2] {
+        match body {
+            Body::Fixed => [Vector3::zeros(); 2],
+            Body::Link(link) => [self.motions[link].angular, self.motions[link].velocity_at(point)],
+            Body::Object => [self.V_WO.angular, self.V_WO.velocity_at(&(point - self.X_WO.translation.vector))],
+        }
+    }
+
     /// The most that a point within `radius_m` of a centre can move per second.
     fn speed_mps(&self, body: Body, centre: &Vector3<f64>, radius_m: f64) -> f64 {
-        let (angular, linear) = match body {
-            Body::Fixed => return 0.0,
-            Body::Link(link) => (self.motions[link].angular, self.motions[link].velocity_at(centre)),
-            Body::Object => (self.V_WO.angular, self.V_WO.velocity_at(&(centre - self.X_WO.translation.vector))),
-        };
-        linear.norm() + angular.norm() * radius_m
+        let [angular, linear] = self.velocities(body, centre);
+        if body == Body::Fixed { 0.0 } else { linear.norm() + angular.norm() * radius_m }
+    }
+
+    /// How fast two bodies move against each other at a touch.
+    pub fn relative_mps(&self, touch: &Touch) -> f64 {
+        let velocity = |body: Body| self.velocities(body, &touch.point)[1];
+        (velocity(touch.pushed) - velocity(touch.pushing)).norm()
     }
 }
 

@@ -18,8 +18,6 @@ use super::{
 const HARD_HZ: f64 = 400.0;
 /// Critically damped: restitution is not the spring's business.
 const DAMPING_RATIO: f64 = 1.0;
-/// Things that move against each other more slowly are at rest, in m/s.
-const AT_REST_MPS: f64 = 0.01;
 /// Most passes of the solver over all contacts, and the change of velocities below which they end, in m/s.
 const MOST_SWEEPS: usize = 16;
 const SAME_MPS: f64 = 1e-5;
@@ -226,23 +224,18 @@ pub(super) struct Contacts {
     stops: Vec<Unilateral>,
     friction: f64,
     /// Of the solver.
-    pub step_s: f64,
+    step_s: f64,
 }
 
 impl Contacts {
-    /// `stiffness_npm` is the object's, none if it is hard. The solver divides a step of `step_s` into `parts`
-    /// where something moves against something; what is held at rest needs no parts.
+    /// `stiffness_npm` is the object's, none if it is hard; `step_s` is the solver's.
     pub fn new(
         masses: &Masses,
         (touches, stops): (Vec<Touch>, &[Stop]),
         (friction, stiffness_npm): (f64, Option<f64>),
-        before: &Velocities,
-        (step_s, parts): (f64, usize),
+        step_s: f64,
     ) -> Self {
         let rows: Vec<[Row; 3]> = touches.iter().map(|it| Row::at(masses, it)).collect();
-        let moves = |row: &Row| row.velocity(before).abs() > AT_REST_MPS;
-        let is_divided = !stops.is_empty() || rows.iter().flatten().any(moves);
-        let step_s = if is_divided { step_s / parts as f64 } else { step_s };
         let hard = Spring::new(HARD_HZ, step_s);
         // A part that presses at several points shares the stiffness among them.
         let sharing = |touch: &Touch| touches.iter().filter(|it| it.part == touch.part).count() as f64;

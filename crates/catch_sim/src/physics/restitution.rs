@@ -9,7 +9,10 @@
 //! gained; to ask a ball that bounces off one finger to stay at the other, which it touches already, would
 //! make that finger recoil with energy from nowhere.
 
-use super::contacts::{Contact, Velocities};
+use super::{
+    Impulses,
+    contacts::{Contact, Velocities},
+};
 
 /// Most sweeps; a ball between two fingers needs some twenty.
 const MOST_SWEEPS: usize = 200;
@@ -26,13 +29,14 @@ struct Rebound<'a> {
 }
 
 /// Makes the velocities after a step those of Newton's law at all points that have begun to push in it.
-/// Returns the impulse that this adds for each part.
-pub(super) fn let_rebound<'a, const PARTS: usize>(
+/// The impulses that this adds are counted.
+pub(super) fn let_rebound<'a>(
     contacts: impl Iterator<Item = &'a Contact>,
     restitution: f64,
     before: &Velocities,
     velocities: &mut Velocities,
-) -> [f64; PARTS] {
+    impulses: &mut Impulses,
+) {
     let new = contacts.filter(|contact| contact.is_new());
     let mut rebounds: Vec<Rebound> = new
         .map(|contact| {
@@ -55,9 +59,7 @@ pub(super) fn let_rebound<'a, const PARTS: usize>(
             break;
         }
     }
-    let mut added_ns = [0.0; PARTS];
     for Rebound { contact, impulse_ns, .. } in &rebounds {
-        added_ns[contact.touch.part as usize] += impulse_ns - contact.impulse_ns();
+        impulses.add(contact.touch.part, impulse_ns - contact.impulse_ns());
     }
-    added_ns
 }

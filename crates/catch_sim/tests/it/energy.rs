@@ -116,7 +116,7 @@ fn forces_of_fingers_are_all_that_the_object_feels_across_them() {
 }
 
 /// What is thrown at the mirror image of a place moves as in a mirror, through contacts too: a ball exactly,
-/// and a bottle, which is met at several points one after the other, within 0.5 mm 20 ms later.
+/// and a bottle, which is met at several points one after the other, within 1 mm 20 ms later.
 #[test]
 fn a_mirrored_throw_goes_a_mirrored_way() {
     let gripper = setting::gripper();
@@ -157,5 +157,5 @@ fn a_mirrored_throw_goes_a_mirrored_way() {
     }
     assert!(touching > 12, "{touching} met the hand");
     let [ball_m, bottle_m] = farthest_m;
-    assert!(ball_m < 1e-9 && bottle_m < 5e-4, "{ball_m} m and {bottle_m} m 20 ms after the first contact");
+    assert!(ball_m < 1e-9 && bottle_m < 1e-3, "{ball_m} m and {bottle_m} m 20 ms after the first contact");
 }
