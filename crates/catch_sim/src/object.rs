@@ -142,9 +142,10 @@ impl ThrownObject {
     /// The largest torque in N·m with which a finger that presses with `force_n` resists the object's
     /// rotation about the normal, where the object is `width_m` wide between the fingers.
     ///
-    /// Flat surfaces touch at several points, a round one at a single point, which resists nothing. A soft surface of radius r is flattened by N/k over a patch of radius a = √(r·N/k)
-    /// (Hertz), which resists up to ⅔·μ·N·a if the pressure is even (Howe & Cutkosky, Practical force-motion
-    /// models for sliding manipulation, 1996). Half the width stands for r.
+    /// Flat surfaces touch at several points, a round one at a single point, which resists nothing. A soft
+    /// surface of radius r is flattened by N/k over a patch of radius a = √(r·N/k) (Hertz), which resists up
+    /// to ⅔·μ·N·a if the pressure is even (Howe & Cutkosky, Practical force-motion models for sliding
+    /// manipulation, 1996). Half the width stands for r.
     pub fn spin_friction_nm(&self, friction: f64, force_n: f64, width_m: f64) -> f64 {
         let Some(stiffness_npm) = self.stiffness_npm else { return 0.0 };
         2.0 / 3.0 * friction * force_n * (width_m / 2.0 * force_n.max(0.0) / stiffness_npm).sqrt()

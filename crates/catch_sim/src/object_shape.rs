@@ -270,8 +270,8 @@ fn revolution(file: &str, mass_kg: f64, profile_m: &[[f64; 2]]) -> Result<Solid,
 const END_BULGE_M: f64 = 3e-4;
 
 /// Points of a solid of revolution whose flat ends are squares within the rim, which stands back a little. On
-/// a face of 32 corners the collision library would choose others of them as contacts in every step, and what is
-/// squeezed there would creep.
+/// a face of 32 corners the collision library would choose others of them as contacts in every step, and what
+/// is squeezed there would creep.
 fn with_square_ends(profile_m: &[[f64; 2]]) -> Vec<Point3<f64>> {
     let mut rims = profile_m.to_vec();
     let last = rims.len() - 1;

@@ -1,10 +1,10 @@
 //! The physics of arm, gripper, object and floor.
 //!
-//! Arm and fingers are a tree of rigid bodies in minimal coordinates (`machine.rs`), the object is a free rigid
-//! body (`free_motion.rs`). While nothing is in reach of anything, both go on by integrators of second order
-//! or better. Where two things may touch within a step of 1 ms, it is divided into four, in which contacts are
-//! critically damped springs that are as stiff as the object (`contacts.rs`); the library `parry3d-f64` finds
-//! the points (`colliders.rs`). Rebounds follow Newton's law at all points at once (`restitution.rs`).
+//! Arm and fingers are a tree of rigid bodies in minimal coordinates (`machine.rs`), the object is a free
+//! rigid body (`free_motion.rs`). While nothing is in reach of anything, both go on by integrators of second
+//! order or better. Contacts are critically damped springs that are as stiff as the object (`contacts.rs`);
+//! the library `parry3d-f64` finds the points (`colliders.rs`). Where something moves against something, a
+//! step of 1 ms is divided into four. Rebounds follow Newton's law at all points at once (`restitution.rs`).
 
 mod colliders;
 mod contacts;
@@ -326,8 +326,8 @@ impl World {
         now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
         let contacts = contacts.contacts;
         let of_object = || contacts.iter().filter(|it| it.touch.pushed == Body::Object);
-        if of_object().any(|it| it.impulse_ns() > 0.0) {
-            of_object().for_each(|it| impulses.add(it.touch.part, it.impulse_ns()));
+        if of_object().any(|it| it.pushed_ns() > 0.0) {
+            of_object().for_each(|it| impulses.add(it.touch.part, it.pushed_ns()));
             let unpushed = now.angular;
             restitution::let_rebound(of_object(), restitution, &before, &mut now, impulses);
             momentum += free.momentum(&q_WC, &(now.angular - unpushed));

@@ -1,9 +1,9 @@
 //! Forces of contacts during a step.
 //!
-//! Contacts are critically damped springs, which the solver takes as implicit constraints in small steps, with
-//! a second pass without springs that takes out the velocities that these have added (Catto, Soft Constraints,
-//! 2011, and Solver2D, 2024). Each pass is projected Gauss–Seidel from the impulses of the step before, with
-//! Coulomb's cone at each point.
+//! Contacts are critically damped springs, which the solver takes as implicit constraints in small steps,
+//! with a second pass without springs that takes out the velocities that these have added (Catto, Soft
+//! Constraints, 2011, and Solver2D, 2024). Each pass is projected Gauss–Seidel from the impulses of the step
+//! before, with Coulomb's cone at each point.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -64,7 +64,8 @@ impl Row {
         row
     }
 
-    /// Of the pushed body at a touch relative to the pushing one: along the normal, and in two directions across.
+    /// Of the pushed body at a touch relative to the pushing one: along the normal, and in two directions
+    /// across.
     fn at(masses: &Masses, touch: &Touch) -> [Self; 3] {
         let [one, other] = touch.across();
         [touch.normal, one, other].map(|direction| {
@@ -138,8 +139,8 @@ impl Unilateral {
         Self { row, gap_m, spring, is_soft, was_open: false, impulse_ns, total_ns: 0.0 }
     }
 
-    /// Before the move: a gap may close and no more, and what overlaps is pushed apart by its spring. Returns by
-    /// how much the relative velocity changes, in m/s.
+    /// Before the move: a gap may close and no more, and what overlaps is pushed apart by its spring. Returns
+    /// by how much the relative velocity changes, in m/s.
     fn press(&mut self, velocities: &mut Velocities, step_s: f64) -> f64 {
         let Spring { rate_per_s, mass_factor, impulse_factor } = self.spring;
         if self.was_open {
@@ -182,7 +183,7 @@ impl Contact {
     }
 
     /// Normal impulse of the step.
-    pub fn impulse_ns(&self) -> f64 {
+    pub fn pushed_ns(&self) -> f64 {
         self.normal.total_ns
     }
 
@@ -237,13 +238,13 @@ impl Contacts {
     ) -> Self {
         let rows: Vec<[Row; 3]> = touches.iter().map(|it| Row::at(masses, it)).collect();
         let hard = Spring::new(HARD_HZ, step_s);
-        // A part that presses at several points shares the stiffness among them.
-        let sharing = |touch: &Touch| touches.iter().filter(|it| it.part == touch.part).count() as f64;
-        let shares: Vec<f64> = touches.iter().map(sharing).collect();
-        let contact = |((touch, [row, one, other]), share): ((Touch, [Row; 3]), f64)| {
+        // A part that presses at several points divides the stiffness among them.
+        let points_of_part = |touch: &Touch| touches.iter().filter(|it| it.part == touch.part).count() as f64;
+        let points_of_parts: Vec<f64> = touches.iter().map(points_of_part).collect();
+        let contact = |((touch, [row, one, other]), points): ((Touch, [Row; 3]), f64)| {
             let is_soft = stiffness_npm.is_some() && touch.pushed == Body::Object;
             let spring = stiffness_npm.filter(|_| is_soft).map_or(hard, |stiffness_npm| {
-                let frequency_hz = (stiffness_npm / share * row.mobility_per_kg).sqrt() / std::f64::consts::TAU;
+                let frequency_hz = (stiffness_npm / points * row.mobility_per_kg).sqrt() / std::f64::consts::TAU;
                 Spring::new(frequency_hz.min(HARD_HZ), step_s)
             });
             let rubbed_ns = from_vector(touch.load.friction_n) * step_s;
@@ -254,7 +255,7 @@ impl Contacts {
                 touch,
             }
         };
-        let contacts = touches.into_iter().zip(rows).zip(shares).map(contact).collect();
+        let contacts = touches.into_iter().zip(rows).zip(points_of_parts).map(contact).collect();
         let stop = |&Stop { coordinate, free, gap_m }: &Stop| {
             let machine = Coordinates::ith(coordinate, free);
             let of = Velocities { machine, linear: Vector3::zeros(), angular: Vector3::zeros() };

@@ -1,8 +1,8 @@
 //! Motion of the object while nothing touches it.
 //!
-//! Integrated to first order in steps of 1 ms, the orientation of a tumbling banana is 12 mrad off at the catch
-//! in the median and 159 mrad at most. Between contacts the object is a single rigid body whose motion is known
-//! almost in closed form.
+//! Integrated to first order in steps of 1 ms, the orientation of a tumbling banana is 12 mrad off at the
+//! catch in the median and 159 mrad at most. Between contacts the object is a single rigid body whose motion
+//! is known almost in closed form.
 
 use catch_body::{Pose, Twist};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};

@@ -93,8 +93,8 @@ impl Machine {
             }
         };
         let hand = links.len();
-        // Fingers slide along the x axis of G, the left one towards −x. Their frames lie on G when their inner
-        // faces meet in the middle.
+        // Fingers slide along the x axis of G, the left one towards −x. Their frames lie on G when their
+        // inner faces meet in the middle.
         for (inertia, axis) in gripper.finger_inertias(0.0).into_iter().zip([-Vector3::x_axis(), Vector3::x_axis()]) {
             positions[links.len()] = finger_m;
             links.push(Link {
@@ -193,8 +193,8 @@ impl Machine {
         motions
     }
 
-    /// Forces along the coordinates that keep the velocities as they are, without damping: gravity, Coriolis and
-    /// centrifugal forces.
+    /// Forces along the coordinates that keep the velocities as they are, without damping: gravity, Coriolis
+    /// and centrifugal forces.
     pub fn bias_forces(&self, posture: &Posture, velocities: &Coordinates, gravity: &Vector3<f64>) -> Coordinates {
         let moving = self.motions(posture, velocities);
         let mut accelerations = [Spatial { angular: Vector3::zeros(), linear: -gravity }; COORDINATES + 1];

@@ -41,7 +41,7 @@ pub(super) fn let_rebound<'a>(
     let mut rebounds: Vec<Rebound> = new
         .map(|contact| {
             let wanted_mps = -restitution * contact.row().velocity(before);
-            Rebound { contact, wanted_mps, impulse_ns: contact.impulse_ns() }
+            Rebound { contact, wanted_mps, impulse_ns: contact.pushed_ns() }
         })
         .filter(|rebound| rebound.wanted_mps > 0.0)
         .collect();
@@ -60,6 +60,6 @@ pub(super) fn let_rebound<'a>(
         }
     }
     for Rebound { contact, impulse_ns, .. } in &rebounds {
-        impulses.add(contact.touch.part, impulse_ns - contact.impulse_ns());
+        impulses.add(contact.touch.part, impulse_ns - contact.pushed_ns());
     }
 }

@@ -75,8 +75,8 @@ fn the_arm_falls_as_in_mujoco() {
 }
 
 /// Without rotors and damping the arm is chaotic: its wrist turns at tens of rad/s, and errors of integration
-/// grow tenfold in 0.1 s. What remains is discretization: it vanishes in proportion to the step, as fingers are
-/// at their stops.
+/// grow tenfold in 0.1 s. What remains is discretization: it vanishes in proportion to the step, as fingers
+/// are at their stops.
 #[test]
 fn a_bare_chain_of_links_falls_as_in_mujoco() {
     let Golden { gripper_width_m, cases } = golden();
