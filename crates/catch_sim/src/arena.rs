@@ -297,7 +297,7 @@ impl Arena {
             let went_well = self.world.step(&loads);
             self.follow_path();
             let state = self.world.state();
-            if went_well && state.is_finite() {
+            if went_well && state.is_measurable() {
                 self.state = state;
                 forces = self.world.contact_forces();
             } else {

@@ -66,7 +66,7 @@ impl Encoders {
             let innovation = read - self.q[i];
             self.q[i] += self.dq[i] * cycle_s + asked_radps2[i] * (cycle_s * cycle_s / 2.0) + of_position * innovation;
             self.dq[i] += asked_radps2[i] * cycle_s + of_velocity * innovation;
-            // Farther they do not count.
+            // The range of what an encoder tells.
             self.q[i] = self.q[i].clamp(quantity::JOINT_RAD.least, quantity::JOINT_RAD.most);
             self.dq[i] = self.dq[i].clamp(quantity::JOINT_RADPS.least, quantity::JOINT_RADPS.most);
         }

@@ -90,7 +90,7 @@ pub struct WorldState {
 
 impl WorldState {
     /// Whether every number is finite, and joints and fingers are where sensors can tell it.
-    pub fn is_finite(&self) -> bool {
+    pub fn is_measurable(&self) -> bool {
         use catch_body::quantity::{DRIVE_M, DRIVE_MPS, JOINT_RAD, JOINT_RADPS};
         let X_WO = &self.X_WO;
         self.q.iter().all(|it| JOINT_RAD.contains(*it))

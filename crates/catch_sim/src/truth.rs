@@ -13,8 +13,8 @@ pub struct Truth {
     pub samples: Vec<TruthSample>,
     /// What the robot controller noticed.
     pub servo: ServoReport,
-    /// Since when the physics has been diverged, if it ever was: a state was not finite, and the last good
-    /// one has stood still from there on.
+    /// Since when the physics has been diverged, if it ever was: a state was not finite or beyond what
+    /// sensors can tell, and the last good one has stood still from there on.
     pub diverged_s: Option<f64>,
     /// Since when the world has been shaking.
     pub disturbed_since_s: Option<f64>,
