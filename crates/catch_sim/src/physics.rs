@@ -240,7 +240,7 @@ impl World {
     /// Lets one step pass and tells whether all went well. If not, something was no longer finite, and what
     /// follows means nothing.
     pub fn step(&mut self, loads: &Loads) -> bool {
-        self.try_step(loads).is_some() && self.state().is_finite()
+        self.try_step(loads).is_some() && self.state().is_measurable()
     }
 
     fn try_step(&mut self, loads: &Loads) -> Option<()> {
