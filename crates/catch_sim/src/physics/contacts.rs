@@ -127,8 +127,8 @@ struct Unilateral {
     spring: Spring,
     /// Whether the spring is that of the object, and not a means against overlaps of what is hard.
     is_soft: bool,
-    /// Whether the gap was open when the solver's step began.
-    was_open: bool,
+    /// Whether what bore nothing may meet in the solver's step.
+    meets: bool,
     /// In a solver's step, and in all of them.
     impulse_ns: f64,
     total_ns: f64,
@@ -136,22 +136,23 @@ struct Unilateral {
 
 impl Unilateral {
     fn new(row: Row, gap_m: f64, spring: Spring, is_soft: bool, impulse_ns: f64) -> Self {
-        Self { row, gap_m, spring, is_soft, was_open: false, impulse_ns, total_ns: 0.0 }
+        Self { row, gap_m, spring, is_soft, meets: false, impulse_ns, total_ns: 0.0 }
     }
 
-    /// Before the move: a gap may close and no more, and what overlaps is pushed apart by its spring. Returns
-    /// by how much the relative velocity changes, in m/s.
+    /// Before the move: what meets may close its gap and no more; then its spring takes over. Returns by how
+    /// much the relative velocity changes, in m/s.
     fn press(&mut self, velocities: &mut Velocities, step_s: f64) -> f64 {
         let Spring { rate_per_s, mass_factor, impulse_factor } = self.spring;
-        if self.was_open {
+        if self.meets {
             return self.push(velocities, self.gap_m / step_s, 1.0, 0.0);
         }
+        let rate_per_s = if self.gap_m > 0.0 { 1.0 / step_s } else { rate_per_s };
         self.push(velocities, (rate_per_s * self.gap_m).max(-MOST_APART_MPS), mass_factor, impulse_factor)
     }
 
     /// After the move: without the velocities at which a gap closed or springs pushed apart what is hard.
     fn relax(&mut self, velocities: &mut Velocities, step_s: f64) -> f64 {
-        if self.is_soft && !self.was_open {
+        if self.is_soft && !self.meets {
             return 0.0;
         }
         self.push(velocities, self.gap_m.max(0.0) / step_s, 1.0, 0.0)
@@ -273,7 +274,7 @@ impl Contacts {
             }
         }
         self.stops.iter().for_each(|it| it.row.push(velocities, it.impulse_ns));
-        self.unilaterals().for_each(|it| it.was_open = it.gap_m > 0.0);
+        self.unilaterals().for_each(|it| it.meets = it.gap_m > 0.0 && it.impulse_ns == 0.0);
         self.sweep(velocities, Unilateral::press);
         moved(velocities);
         let step_s = self.step_s;
