@@ -119,7 +119,7 @@ impl CatchingBot {
         let seed = config.seed;
         let reach_map = ReachMap::serves(&robot).then(|| Arc::new(ReachMap::new(&robot)));
         let config = config.given(&object.figures, &cameras);
-        let known = Preparation::new(config, robot, gripper, cameras, &object.scan, reach_map)?;
+        let known = Preparation::new(config, (robot, reach_map), gripper, cameras, &object.scan)?;
         Ok(Self::prepared(Arc::new(known), seed))
     }
 

@@ -106,11 +106,10 @@ impl Preparation {
     /// A setting that is out of its range.
     pub fn new(
         config: Config,
-        robot: Robot,
+        (robot, reach_map): (Robot, Option<Arc<ReachMap>>),
         gripper: Gripper,
         cameras: Vec<CameraModel>,
         reference_scan: &ReferenceScan,
-        reach_map: Option<Arc<ReachMap>>,
     ) -> Result<Self, InputError> {
         config.check()?;
         let robot = robot.with_mount_of(&gripper);

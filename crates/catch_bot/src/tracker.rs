@@ -303,7 +303,7 @@ mod tests {
         let gripper = Gripper::from_toml("gripper.toml", include_str!("../../../assets/grippers/wsg50.toml")).unwrap();
         let scan = synthetic::scan(&synthetic::Shape::ball(), 40);
         let robot = Robot::from_files(&files).unwrap();
-        Preparation::new(Config::default(), robot, gripper, synthetic::flight_rig(), &scan, None).unwrap()
+        Preparation::new(Config::default(), (robot, None), gripper, synthetic::flight_rig(), &scan).unwrap()
     }
 
     /// Also where no pose is found, which a turn by the number of poses would not outlast.

@@ -210,9 +210,8 @@ impl State<'_> {
         let seen = if pass == Pass::First { &wide } else { *config };
         let time_offset_s = state.time_offset_s(config);
         let size = OF_CAMERA + self.shared.values.len() + 1;
-        let (mut depths_sd, mut shown_sd): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
-        let mut correlation = Correlation::default();
-        let (mut found, mut outliers, mut row) = (Vec::new(), 0, vec![0.0; size]);
+        let mut errors = Errors::default();
+        let (mut found, mut row) = (Vec::new(), vec![0.0; size]);
         let mut all = Vec::new();
         for (i, image) in images.iter().enumerate() {
             let Some(sample) = image.arm(arm, time_offset_s) else { continue };
@@ -232,38 +231,47 @@ impl State<'_> {
                 let in_common = if it.is_depth() { offset * offset_sd } else { 0.0 };
                 let residual = it.residual() - state.correction(it, config) - in_common;
                 let (sd, correlated, sds) = if it.is_depth() {
-                    (spread.depth_per_m, spread.depth_correlation, &mut depths_sd)
+                    (spread.depth_per_m, spread.depth_correlation, &mut errors.of_depths)
                 } else {
-                    (spread.shown_px, spread.shown_correlation, &mut shown_sd)
+                    (spread.shown_px, spread.shown_correlation, &mut errors.of_silhouettes)
                 };
                 let size = residual.abs() * it.weight.sqrt();
                 sds.push(size);
                 if size > OUTLIER_SD * sd {
-                    outliers += 1;
+                    errors.outliers += 1;
                     continue;
                 }
                 let robust = (HUBER_SD * sd / size).min(1.0);
-                posed.row(&mut row, it, &state, &self.shared, offset_sd, config);
+                posed.row(&mut row, it, &state, offset_sd, config);
                 equations.add(&row, residual, it.weight * robust / (sd * sd * correlated));
                 if pass == Pass::Correlating && i % CORRELATED_IMAGES == 0 {
                     residuals.push((*it, residual));
                 }
             }
-            correlation.add(&residuals);
+            errors.correlation.add(&residuals);
             all.push((i, equations));
         }
-        let is_some = depths_sd.len() + shown_sd.len() > 0;
+        self.note(camera, errors, pass);
+        all
+    }
+
+    /// The spread and the residuals of a camera become those of the errors that its measurements have.
+    fn note(&mut self, camera: usize, errors: Errors, pass: Pass) {
+        let Problem { config, cameras, .. } = self.problem;
+        let spread = self.spreads[camera];
+        let Errors { mut of_depths, mut of_silhouettes, outliers, correlation } = errors;
+        let count = of_depths.len() + of_silhouettes.len();
         self.residuals[camera] = Residuals {
-            images: images.len(),
-            depths: depths_sd.len(),
-            inverse_depth_sd_per_m: robust_sd(&mut depths_sd),
-            silhouettes: shown_sd.len(),
-            silhouette_sd_px: robust_sd(&mut shown_sd),
-            outlier_fraction: f64::from(outliers) / (depths_sd.len() + shown_sd.len()).max(1) as f64,
+            images: cameras[camera].images.len(),
+            depths: of_depths.len(),
+            inverse_depth_sd_per_m: robust_sd(&mut of_depths),
+            silhouettes: of_silhouettes.len(),
+            silhouette_sd_px: robust_sd(&mut of_silhouettes),
+            outlier_fraction: f64::from(outliers) / count.max(1) as f64,
             depth_correlation: spread.depth_correlation,
             silhouette_correlation: spread.shown_correlation,
         };
-        if is_some {
+        if count > 0 {
             let Residuals { inverse_depth_sd_per_m, silhouette_sd_px, .. } = self.residuals[camera];
             let is_last = pass == Pass::Correlating;
             self.spreads[camera] = Spread {
@@ -273,8 +281,16 @@ impl State<'_> {
                 shown_correlation: if is_last { correlation.of_silhouettes() } else { spread.shown_correlation },
             };
         }
-        all
     }
+}
+
+/// What the measurements of a camera are off by, in multiples of what they were expected to be.
+#[derive(Default)]
+struct Errors {
+    of_depths: Vec<f64>,
+    of_silhouettes: Vec<f64>,
+    outliers: u32,
+    correlation: Correlation,
 }
 
 /// Standard deviation by the median of the sizes, which is 0.6745 of it for normal ones.

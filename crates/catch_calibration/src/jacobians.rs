@@ -127,7 +127,7 @@ fn derivatives_are_those_of_the_renderings() {
             let mut row = vec![0.0; size];
             for it in measured.iter().filter(|it| it.is_depth() == depths) {
                 let (Some(after), Some(before)) = (after.get(&key(it)), before.get(&key(it))) else { continue };
-                posed.row(&mut row, it, &state, &world.shared, 0.0, &world.config);
+                posed.row(&mut row, it, &state, 0.0, &world.config);
                 errors.push(((after - before) / (2.0 * step) - row[parameter]).abs());
                 sizes.push(row[parameter].abs());
             }

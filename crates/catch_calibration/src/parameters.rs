@@ -165,10 +165,11 @@ pub struct PosedArm<'a> {
     dq: JointVector,
     pub width_m: f64,
     X_WG: Pose,
+    shared: &'a Shared,
 }
 
 impl<'a> PosedArm<'a> {
-    pub fn new(robot: &'a Robot, sample: &ArmSample, shared: &Shared) -> Self {
+    pub fn new(robot: &'a Robot, sample: &ArmSample, shared: &'a Shared) -> Self {
         let mut X_WL = robot.link_poses(&(sample.q + shared.joint_zero_rad()));
         let three = |kind: fn(usize) -> Kind| Vector3::from_fn(|i, _| shared.value(kind(i)));
         // The gripper stands so where its model should; what stands for the last link carries it there.
@@ -176,20 +177,12 @@ impl<'a> PosedArm<'a> {
         let mounted_L = robot.X_LG * X_GM;
         X_WL[MAX_JOINTS] *= mounted_L * robot.X_LG.inverse();
         let X_WG = robot.gripper_in(&X_WL);
-        Self { robot, X_WL, dq: sample.dq, width_m: sample.width_m, X_WG }
+        Self { robot, X_WL, dq: sample.dq, width_m: sample.width_m, X_WG, shared }
     }
 
     /// The derivatives of a measurement by the parameters: those of its camera, those in common, and at last
     /// what its image's pixels have in common, whose standard deviation is `offset_sd`.
-    pub fn row(
-        &self,
-        row: &mut [f64],
-        it: &Measurement,
-        camera: &CameraState,
-        shared: &Shared,
-        offset_sd: f64,
-        config: &Config,
-    ) {
+    pub fn row(&self, row: &mut [f64], it: &Measurement, camera: &CameraState, offset_sd: f64, config: &Config) {
         // A surface that stands still moves by −(ω × p + v) in C.
         let turning = it.p_C.cross(&it.gradient_C);
         for axis in 0..3 {
@@ -215,7 +208,7 @@ impl<'a> PosedArm<'a> {
         let is_gripper = it.part == SurfacePart::Gripper;
         let gradient_G = self.X_WG.rotation.inverse() * gradient_W;
         let turning_G = (self.X_WG.inverse() * p_W).coords.cross(&gradient_G);
-        for (entry, (kind, sd)) in row[OF_CAMERA..].iter_mut().zip(&shared.kinds) {
+        for (entry, (kind, sd)) in row[OF_CAMERA..].iter_mut().zip(&self.shared.kinds) {
             let by = match kind {
                 Kind::JointZero(i) => by_joint[*i],
                 Kind::LinkSurface(link) if it.part == SurfacePart::Link(*link) => it.gradient_C.dot(&it.normal_C),
@@ -225,7 +218,7 @@ impl<'a> PosedArm<'a> {
             };
             *entry = by * sd;
         }
-        row[OF_CAMERA + shared.kinds.len()] = if it.is_depth() { offset_sd } else { 0.0 };
+        row[OF_CAMERA + self.shared.kinds.len()] = if it.is_depth() { offset_sd } else { 0.0 };
     }
 }
 

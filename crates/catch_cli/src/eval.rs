@@ -190,7 +190,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         whole_file::write(&folder.join(TIMES_FILE), text)?;
     }
     if is_new || arguments.plots {
-        write_report(&evaluation, &rows, &stopwatch, MOST_MISSES, arguments.plots, folder)?;
+        write_report(&evaluation, &rows, &stopwatch, (MOST_MISSES, arguments.plots), folder)?;
     }
     if arguments.markdown {
         screen::text(&summary_table::markdown(&identity, &cells))?;
@@ -278,8 +278,7 @@ pub fn write_report(
     evaluation: &Evaluation,
     rows: &[Row],
     stopwatch: &Stopwatch,
-    most_misses: usize,
-    plots: bool,
+    (most_misses, plots): (usize, bool),
     folder: &Path,
 ) -> anyhow::Result<()> {
     let written = || format!("the report in {}", folder.display());

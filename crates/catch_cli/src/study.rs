@@ -80,7 +80,7 @@ fn summary_of(
     let folder = out.join(&step.head.name);
     let done = eval::complete(&evaluation, &folder, arguments.into(), &step.head.name)
         .with_context(|| folder.display().to_string())?;
-    eval::write_report(&evaluation, &done.rows, &done.stopwatch, MOST_MISSES_OF_A_STEP, arguments.plots, &folder)?;
+    eval::write_report(&evaluation, &done.rows, &done.stopwatch, (MOST_MISSES_OF_A_STEP, arguments.plots), &folder)?;
     Ok(StepSummary::of(&step.head, study.file.throw_grid.as_ref(), &evaluation.identity(), &done.rows))
 }
 

@@ -202,60 +202,71 @@ impl Table<'_> {
             let n = normal.map(|of| Vector3::from(of.map(|i| values[i])));
             cloud.add(p, n).map_err(|found| self.fault(field(), found, "a coordinate in metres"))
         };
-        let mut values = vec![0.0; self.columns.len()];
         match binary {
-            None => {
-                let text = String::from_utf8_lossy(self.body);
-                let numbered = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-                let mut lines = numbered.map(|(i, line)| (self.first_line + i, line));
-                for row in 0..self.rows {
-                    let (number, line) = lines.next().ok_or_else(|| self.too_few(row))?;
-                    let field = || format!("line {number}");
-                    let mut cells = line.split_whitespace();
-                    for (value, column) in values.iter_mut().zip(&self.columns) {
-                        let cell = cells.next().unwrap_or_default();
-                        let expected = format!("a number: the {}", column.name);
-                        *value = cell.parse().map_err(|_| self.fault(field(), format!("`{cell}`"), &expected))?;
-                    }
-                    if cells.next().is_some() {
-                        let expected = format!("{} numbers, as the header says", self.columns.len());
-                        return Err(self.fault(field(), format!("`{line}`"), &expected));
-                    }
-                    add(&field, &values)?;
-                }
-                if let Some((number, line)) = lines.next().filter(|_| !self.more_follows) {
-                    let expected = format!("no more than the {} rows of the header", self.rows);
-                    return Err(self.fault(format!("line {number}"), format!("`{line}`"), &expected));
-                }
-            }
-            Some(big_endian) => {
-                let stride: usize = self.columns.iter().map(|column| column.bytes).sum();
-                let complete = self.body.len() / stride.max(1);
-                if complete < self.rows {
-                    return Err(self.too_few(complete));
-                }
-                if !self.more_follows && self.body.len() > stride * self.rows {
-                    let expected = format!("no more than the {} rows of the header", self.rows);
-                    return Err(self.fault(
-                        "rows",
-                        format!("{} bytes more", self.body.len() - stride * self.rows),
-                        &expected,
-                    ));
-                }
-                for row in 0..self.rows {
-                    let mut at = row * stride;
-                    for (value, column) in values.iter_mut().zip(&self.columns) {
-                        let bytes = self.body.get(at..).and_then(|bytes| column.value(bytes, big_endian));
-                        *value = bytes.ok_or_else(|| self.too_few(row))?;
-                        at += column.bytes;
-                    }
-                    add(&|| format!("row {}", row + 1), &values)?;
-                }
-            }
+            None => self.read_text(&mut add)?,
+            Some(big_endian) => self.read_binary(big_endian, &mut add)?,
         }
         Ok(cloud)
     }
+
+    /// Hands over the numbers of each row, with a name for its place.
+    fn read_text(&self, add: &mut AddRow<'_>) -> Result<(), InputError> {
+        let mut values = vec![0.0; self.columns.len()];
+        let text = String::from_utf8_lossy(self.body);
+        let numbered = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+        let mut lines = numbered.map(|(i, line)| (self.first_line + i, line));
+        for row in 0..self.rows {
+            let (number, line) = lines.next().ok_or_else(|| self.too_few(row))?;
+            let field = || format!("line {number}");
+            let mut cells = line.split_whitespace();
+            for (value, column) in values.iter_mut().zip(&self.columns) {
+                let cell = cells.next().unwrap_or_default();
+                let expected = format!("a number: the {}", column.name);
+                *value = cell.parse().map_err(|_| self.fault(field(), format!("`{cell}`"), &expected))?;
+            }
+            if cells.next().is_some() {
+                let expected = format!("{} numbers, as the header says", self.columns.len());
+                return Err(self.fault(field(), format!("`{line}`"), &expected));
+            }
+            add(&field, &values)?;
+        }
+        match lines.next().filter(|_| !self.more_follows) {
+            None => Ok(()),
+            Some((number, line)) => {
+                let expected = format!("no more than the {} rows of the header", self.rows);
+                Err(self.fault(format!("line {number}"), format!("`{line}`"), &expected))
+            }
+        }
+    }
+
+    /// The same of numbers in binary.
+    fn read_binary(&self, big_endian: bool, add: &mut AddRow<'_>) -> Result<(), InputError> {
+        let mut values = vec![0.0; self.columns.len()];
+        let stride: usize = self.columns.iter().map(|column| column.bytes).sum();
+        let complete = self.body.len() / stride.max(1);
+        if complete < self.rows {
+            return Err(self.too_few(complete));
+        }
+        let more = self.body.len() - stride * self.rows;
+        if !self.more_follows && more > 0 {
+            let expected = format!("no more than the {} rows of the header", self.rows);
+            return Err(self.fault("rows", format!("{more} bytes more"), &expected));
+        }
+        for row in 0..self.rows {
+            let mut at = row * stride;
+            for (value, column) in values.iter_mut().zip(&self.columns) {
+                let bytes = self.body.get(at..).and_then(|bytes| column.value(bytes, big_endian));
+                *value = bytes.ok_or_else(|| self.too_few(row))?;
+                at += column.bytes;
+            }
+            add(&|| format!("row {}", row + 1), &values)?;
+        }
+        Ok(())
+    }
 }
+
+/// Takes the numbers of a row; the first function names its place.
+type AddRow<'a> = dyn FnMut(&dyn Fn() -> String, &[f64]) -> Result<(), InputError> + 'a;
 
 /// Splits the header, up to and with the first line for which `is_last` holds, from the rest.
 fn split_header(bytes: &[u8], is_last: impl Fn(&str) -> bool) -> Option<(Vec<String>, &[u8])> {

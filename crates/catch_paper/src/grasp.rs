@@ -59,10 +59,8 @@ const CLOSING_REGION_M: [f64; 4] = [0.05, 0.00625, 0.05, 0.1125];
 /// thresholds.
 pub fn select(
     reference: &ReferenceModel,
-    gripper: &Gripper,
-    flight: &FlightTrajectory,
-    catch_s: f64,
-    base: &Point3<f64>,
+    (gripper, base): (&Gripper, &Point3<f64>),
+    (flight, catch_s): (&FlightTrajectory, f64),
     seed: u64,
     config: &Config,
 ) -> Option<Grasp> {
@@ -226,13 +224,13 @@ mod tests {
         let toml = include_str!("../../../assets/grippers/wsg50.toml");
         let gripper = Gripper::from_toml("wsg50.toml", toml).unwrap();
         let config = Config::default();
-        let grasp = select(&reference, &gripper, &flight, 0.6, &Point3::origin(), 7, &config).unwrap();
+        let grasp = select(&reference, (&gripper, &Point3::origin()), (&flight, 0.6), 7, &config).unwrap();
         let X_WG = flight.pose_at(0.6) * grasp.X_OG;
         assert!((X_WG * Vector3::z()).dot(&flight.v_WOcm.normalize()).abs() > 0.9);
         assert!(comfort(&X_WG, &Point3::origin()) > 0.6);
         assert!((grasp.X_OG.translation.vector.norm() - 0.084).abs() < 1e-3);
         assert!((grasp.object_width_m - 0.067).abs() < 3e-3, "{}", grasp.object_width_m);
         // The same seed draws the same grasp.
-        assert_eq!(select(&reference, &gripper, &flight, 0.6, &Point3::origin(), 7, &config), Some(grasp));
+        assert_eq!(select(&reference, (&gripper, &Point3::origin()), (&flight, 0.6), 7, &config), Some(grasp));
     }
 }

@@ -116,8 +116,7 @@ impl Config {
 pub fn plan(
     planner: &MotionPlanner,
     start: &Start,
-    flight: &FlightTrajectory,
-    catch_s: f64,
+    (flight, catch_s): (&FlightTrajectory, f64),
     grasp: &Grasp,
     config: &Config,
 ) -> Option<CatchPlan> {
@@ -129,7 +128,7 @@ pub fn plan(
     let mut tolerances = Tolerances { gripper: LOOSEST, time_s: config.time_s(LOOSEST_TIME_S) };
     let mut best: Option<(BSpline, BSpline)> = None;
     for round in 0..ROUNDS {
-        let problem = problem(planner, start, &goal, &tolerances, duration_s, config);
+        let problem = problem(planner, start, &goal, (&tolerances, duration_s), config);
         let Ok(found) = problem.solve(&guess) else { break };
         duration_s = found.spline.end_s() - start.time_s;
         let is_met = found.excess < MET;
@@ -158,7 +157,7 @@ pub fn follow(
     let goal = Goal::new(flight, plan.catch_s, &plan.grasp, R_WG);
     let duration_s = plan.trajectory.end_s() - plan.trajectory.start_s();
     let tolerances = Tolerances { gripper: REPLAN, time_s: config.time_s(REPLAN_TIME_S) };
-    let problem = problem(planner, start, &goal, &tolerances, duration_s, config);
+    let problem = problem(planner, start, &goal, (&tolerances, duration_s), config);
     if config.keeps_unsolved && config.goes_on {
         let found = problem.solve(&plan.trajectory.control_points).ok()?;
         let trajectory = completed(planner, &found.spline, &plan.grasp, config)?;
@@ -251,8 +250,7 @@ fn problem<'a>(
     planner: &'a MotionPlanner,
     start: &Start,
     goal: &Goal<'_>,
-    tolerances: &Tolerances,
-    duration_s: f64,
+    (tolerances, duration_s): (&Tolerances, f64),
     config: &Config,
 ) -> Problem<'a> {
     let robot = planner.robot();

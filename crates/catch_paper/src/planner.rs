@@ -41,12 +41,11 @@ impl PaperPlanner {
         if catch_s <= time_s + FREEZE_S {
             return (Status::OutOfReach, None);
         }
-        let gripper = planner.gripper();
-        let Some(chosen) = grasp::select(&self.reference, gripper, flight, catch_s, &base, self.seed, &config.grasp)
-        else {
+        let arm = (planner.gripper(), &base);
+        let Some(chosen) = grasp::select(&self.reference, arm, (flight, catch_s), self.seed, &config.grasp) else {
             return (Status::NoGrasp, None);
         };
-        match motion::plan(planner, &start(situation, &config.motion), flight, catch_s, &chosen, &config.motion) {
+        match motion::plan(planner, &start(situation, &config.motion), (flight, catch_s), &chosen, &config.motion) {
             Some(plan) => (Status::Planned, Some(plan)),
             None => (Status::NoPlan, None),
         }

@@ -34,7 +34,6 @@ pub struct RansacPredictor {
     config: Config,
     symmetry: Symmetry,
     sampling: Sampling,
-    seed: u64,
     scratch: ransac::Scratch,
 }
 
@@ -44,8 +43,8 @@ impl RansacPredictor {
     pub fn new(config: Config, settings: SamplingConfig, symmetry: Symmetry, seed: u64) -> Self {
         let symmetry = if settings.knows_symmetry { symmetry } else { Symmetry::default() };
         let ties = if settings.ties_by_sum { TieBreak::Sum } else { TieBreak::MeanSquare };
-        let sampling = Sampling { rotation: Rotation::Constant, ties, most: SAMPLES };
-        Self { config, symmetry, sampling, seed, scratch: ransac::Scratch::default() }
+        let sampling = Sampling { rotation: Rotation::Constant, ties, most: SAMPLES, seed };
+        Self { config, symmetry, sampling, scratch: ransac::Scratch::default() }
     }
 }
 
@@ -56,7 +55,7 @@ impl FlightPredictor for RansacPredictor {
         _: Option<&FlightTrajectory>,
     ) -> Result<FlightTrajectory, PredictionStatus> {
         let window = self.config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
-        ransac::best_flight(window, &self.symmetry, self.sampling, &self.config, self.seed, &mut self.scratch)
+        ransac::best_flight(window, &self.symmetry, self.sampling, &self.config, &mut self.scratch)
     }
 }
 

@@ -138,7 +138,7 @@ struct Icp<'a> {
 impl Icp<'_> {
     /// Brings the reference from `X_WO` onto the scene's points, point to point.
     fn register(&self, scene: &SceneCloud, X_WO: &Pose) -> Result<Fit, PerceptionStatus> {
-        let Self { config, reference, hierarchy } = *self;
+        let Self { config, reference, .. } = *self;
         let ending = config.ending();
         let mut X_WO = *X_WO;
         let (points, count) = (config.points(reference), scene.points.len() as f64);
@@ -147,30 +147,11 @@ impl Icp<'_> {
         let (mut squares, mut distance_m) = (0.0, f64::INFINITY);
         while iterations < ending.iterations && !converged {
             iterations += 1;
-            // Sums over all pairs: means, and the covariance Σ (o − ō)(w − w̄)ᵀ = Σ o·wᵀ − n·ō·w̄ᵀ.
-            let (mut mean_O, mut mean_W, mut products) = (Vector3::zeros(), Vector3::zeros(), Matrix3::zeros());
-            squares = 0.0;
-            let mut distances = 0.0;
-            let origin = X_WO.translation.vector;
-            for point in &scene.points {
-                let p_O = X_WO.inverse_transform_point(&point.p_W);
-                let Some(paired) = nearest(hierarchy, points, &p_O) else {
-                    return Err(PerceptionStatus::NoReference);
-                };
-                let from_origin = point.p_W.coords - origin;
-                mean_O += paired.coords;
-                mean_W += from_origin;
-                products += paired.coords * from_origin.transpose();
-                squares += (p_O - paired).norm_squared();
-                distances += (p_O - paired).norm();
-            }
-            mean_O /= count;
-            mean_W /= count;
-            let R_WO = turn(&(products - mean_O * mean_W.transpose() * count)).unwrap_or(X_WO.rotation);
-            let moved = Pose::from_parts(Translation3::from(origin + mean_W - R_WO * mean_O), R_WO);
-            let length =
-                (moved.translation.vector - origin).norm() + R_WO.angle_to(&X_WO.rotation) * reference.radius_m;
-            let before_m = std::mem::replace(&mut distance_m, distances / count);
+            let before_m = distance_m;
+            let moved;
+            (moved, squares, distance_m) = self.step(scene, points, &X_WO).ok_or(PerceptionStatus::NoReference)?;
+            let length = (moved.translation.vector - X_WO.translation.vector).norm()
+                + moved.rotation.angle_to(&X_WO.rotation) * reference.radius_m;
             converged = if config.as_published {
                 (before_m - distance_m).abs() < RELATIVE_TOLERANCE * distance_m
             } else {
@@ -201,6 +182,31 @@ impl Icp<'_> {
             robust_cost: count * libm::log(residual_m.max(1e-9)),
             iterations,
         })
+    }
+
+    /// The pose after all points were paired anew, the sum of the squared distances of the pairs before it, and
+    /// their mean distance.
+    ///
+    /// Sums over all pairs: means, and the covariance Σ (o − ō)(w − w̄)ᵀ = Σ o·wᵀ − n·ō·w̄ᵀ.
+    fn step(&self, scene: &SceneCloud, points: &[Point3<f64>], X_WO: &Pose) -> Option<(Pose, f64, f64)> {
+        let (mut mean_O, mut mean_W, mut products) = (Vector3::zeros(), Vector3::zeros(), Matrix3::zeros());
+        let (mut squares, mut distances, count) = (0.0, 0.0, scene.points.len() as f64);
+        let origin = X_WO.translation.vector;
+        for point in &scene.points {
+            let p_O = X_WO.inverse_transform_point(&point.p_W);
+            let paired = nearest(self.hierarchy, points, &p_O)?;
+            let from_origin = point.p_W.coords - origin;
+            mean_O += paired.coords;
+            mean_W += from_origin;
+            products += paired.coords * from_origin.transpose();
+            squares += (p_O - paired).norm_squared();
+            distances += (p_O - paired).norm();
+        }
+        mean_O /= count;
+        mean_W /= count;
+        let R_WO = turn(&(products - mean_O * mean_W.transpose() * count)).unwrap_or(X_WO.rotation);
+        let moved = Pose::from_parts(Translation3::from(origin + mean_W - R_WO * mean_O), R_WO);
+        Some((moved, squares, distances / count))
     }
 }
 

@@ -141,7 +141,7 @@ impl Brain {
         let prepared = interruptible(py, move || {
             let map = reach_map::of(&arm);
             let parts = (cell.brain.config(), cell.cameras.clone());
-            let known = Preparation::new(parts.0, arm, hand, parts.1, &cell.reference_scan, map)?;
+            let known = Preparation::new(parts.0, (arm, map), hand, parts.1, &cell.reference_scan)?;
             Ok((cell.brain.brain(Arc::new(known), cell.brain.seed), cell))
         })?;
         let (brain, cell) = prepared.map_err(input_fault)?;

@@ -48,7 +48,7 @@ fn easiest(
     };
     let nearly = ranges.map(|[low, high]| [low - NEARLY * (high - low), high + NEARLY * (high - low)]);
     let each = |q7: f64, wanted: u8, found: &mut dyn FnMut(usize, Room)| {
-        arm.for_each_solution(X_WG, q7, from, &nearly, wanted, |branch, q| {
+        arm.for_each_solution((X_WG, q7), from, &nearly, wanted, |branch, q| {
             let used = |i: usize| ((2.0 * q[i] - ranges[i][0] - ranges[i][1]) / (ranges[i][1] - ranges[i][0])).abs();
             found(branch, Room { used: (0..6).map(used).fold(0.0, f64::max), q });
         });

@@ -121,7 +121,7 @@ impl Robot {
             found.push(q);
             for direction in 0..dof.saturating_sub(6) {
                 for sign in [1.0, -1.0] {
-                    self.walk(X_WG, &q, direction, sign, ranges, &mut found);
+                    self.walk(X_WG, &q, (direction, sign), ranges, &mut found);
                 }
             }
         }
@@ -134,8 +134,7 @@ impl Robot {
         &self,
         X_WG: &Pose,
         q: &JointVector,
-        direction: usize,
-        sign: f64,
+        (direction, sign): (usize, f64),
         ranges: &Ranges,
         found: &mut Vec<JointVector>,
     ) {

@@ -82,14 +82,13 @@ impl SphericalShoulderArm {
     /// eight. Only branches are looked at for which `wanted`, one bit for each, says so.
     pub(super) fn for_each_solution(
         &self,
-        X_WG: &Pose,
-        q7: f64,
+        (X_WG, q7): (&Pose, f64),
         from: &JointVector,
         ranges: &Ranges,
         wanted: u8,
         mut found: impl FnMut(usize, JointVector),
     ) {
-        let [a1, a2, a3, a4, a5, a6, a7] = self.axes;
+        let [_, a2, a3, a4, a5, a6, a7] = self.axes;
         let Self { forearm, upper_arm, .. } = self;
         // The motion of the first six joints, from where all are at zero: X takes W to w and axes 5 and 6 to
         // r and u.
@@ -132,22 +131,36 @@ impl SphericalShoulderArm {
                 let Some(q5) = turned_into(angle(&a5, &a6, &last_two(&u)), from[4], ranges[4]) else { continue };
                 let q6 = angle(&a6, &a5, &AxisRotation::new(&a5, -q5).of(&last_two(&r)));
                 let Some(q6) = turned_into(q6, from[5], ranges[5]) else { continue };
-                // q2: the first joint leaves axis 3 at its angle to axis 1.
-                let (to, second) = (first_three(&a3), first_three(&a2));
-                let height = a1.dot(&to) - a1.dot(&a2) * a2.dot(&a3);
-                for (flip, q2) in self.height.angles_at(height).enumerate() {
-                    let Some(q2) = turned_into(q2, from[1], ranges[1]) else { continue };
-                    let turn_2 = AxisRotation::new(&a2, q2);
-                    let third = turn_2.of(&a3);
-                    let q1 = if third.cross(&a1).norm() < SINGULAR { from[0] } else { angle(&a1, &third, &to) };
-                    let Some(q1) = turned_into(q1, from[0], ranges[0]) else { continue };
-                    let q3 = angle(&a3, &a2, &turn_2.back().of(&AxisRotation::new(&a1, -q1).of(&second)));
-                    let Some(q3) = turned_into(q3, from[2], ranges[2]) else { continue };
+                self.for_each_shoulder([first_three(&a2), first_three(&a3)], from, ranges, |flip, [q1, q2, q3]| {
                     let mut q = JointVector::zeros();
                     q.as_mut_slice()[..7].copy_from_slice(&[q1, q2, q3, q4, q5, q6, q7]);
                     found(4 * bend + 2 * side + flip, q);
-                }
+                });
             }
+        }
+    }
+
+    /// Shows `found` both ways in which the first three joints turn axes 2 and 3 into given directions, each
+    /// with its number.
+    fn for_each_shoulder(
+        &self,
+        [second, to]: [Vector3<f64>; 2],
+        from: &JointVector,
+        ranges: &Ranges,
+        mut found: impl FnMut(usize, [f64; 3]),
+    ) {
+        let [a1, a2, a3, ..] = self.axes;
+        // q2: the first joint leaves axis 3 at its angle to axis 1.
+        let height = a1.dot(&to) - a1.dot(&a2) * a2.dot(&a3);
+        for (flip, q2) in self.height.angles_at(height).enumerate() {
+            let Some(q2) = turned_into(q2, from[1], ranges[1]) else { continue };
+            let turn_2 = AxisRotation::new(&a2, q2);
+            let third = turn_2.of(&a3);
+            let q1 = if third.cross(&a1).norm() < SINGULAR { from[0] } else { angle(&a1, &third, &to) };
+            let Some(q1) = turned_into(q1, from[0], ranges[0]) else { continue };
+            let q3 = angle(&a3, &a2, &turn_2.back().of(&AxisRotation::new(&a1, -q1).of(&second)));
+            let Some(q3) = turned_into(q3, from[2], ranges[2]) else { continue };
+            found(flip, [q1, q2, q3]);
         }
     }
 }
@@ -205,7 +218,7 @@ mod tests {
             let nearly = ranges.map(|[low, high]| [low - 1e-5, high + 1e-5]);
             let solutions = |near: &JointVector| {
                 let mut found = Vec::new();
-                closed.for_each_solution(&X_WG, near[6], near, &nearly, ALL_BRANCHES, |branch, q| {
+                closed.for_each_solution((&X_WG, near[6]), near, &nearly, ALL_BRANCHES, |branch, q| {
                     assert!(branch < BRANCHES);
                     found.push(q);
                 });
@@ -240,7 +253,7 @@ mod tests {
             let q = robot.joint_vector(&q).unwrap();
             let ranges: Ranges = std::array::from_fn(|i| [q[i] - 0.2, q[i] + 0.3]);
             let mut found = Vec::new();
-            closed.for_each_solution(&robot.gripper_pose(&q), q[6], &q, &ranges, ALL_BRANCHES, |_, q| found.push(q));
+            closed.for_each_solution((&robot.gripper_pose(&q), q[6]), &q, &ranges, ALL_BRANCHES, |_, q| found.push(q));
             prop_assert!(found.iter().all(|it| (0..7).all(|i| (ranges[i][0]..=ranges[i][1]).contains(&it[i]))));
         }
     }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Config, ReferenceModel,
-    segmentation::{Background, Expected, Label, label},
+    segmentation::{Background, Expected, Label, Search},
     silhouette::{Silhouette, stride},
     view::View,
 };
@@ -142,7 +142,8 @@ impl SceneCloud {
                 (None, Some(expected)) if part.area() > 0 => {
                     let from = self.labels.len();
                     let background = Background::new(camera, surroundings.get(index), &part, config);
-                    let pixels = label(&mut self.labels, frame, &part, &background, &expected, config);
+                    let search = Search { frame, part: &part, background: &background, expected: &expected, config };
+                    let pixels = search.label(&mut self.labels);
                     labelled = Some((part, from));
                     image.collect(points, &pixels, config, label_in(frame, &part, &self.labels[from..]));
                     pixels

@@ -76,6 +76,92 @@ struct Scales {
     silhouette: f64,
 }
 
+/// How the steps of a registration go.
+struct Pace {
+    iterations: usize,
+    /// Whether the steps have come to rest.
+    at_rest: bool,
+    /// How far the surface was moved, in metres.
+    moved_m: f64,
+    /// The last step before it was damped, and its length in standard deviations of the pose.
+    step: Vector6<f64>,
+    step_sd: f64,
+    damping: f64,
+    /// Steps shorter than this have come to rest.
+    tolerance_sd: f64,
+}
+
+impl Pace {
+    const NEW: Self = Self {
+        iterations: 0,
+        at_rest: false,
+        moved_m: 0.0,
+        step: Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        step_sd: f64::INFINITY,
+        damping: 1.0,
+        tolerance_sd: STEP_TOLERANCE_SD,
+    };
+
+    /// The part of a step that is taken: all of it, unless the steps jump to and fro.
+    fn damped(&mut self, step: &Vector6<f64>, information: &Matrix6<f64>) -> Vector6<f64> {
+        let step_sd = step.dot(&(information * step)).max(0.0).sqrt();
+        if self.iterations == 1 && step_sd < NEAR_SD {
+            self.tolerance_sd *= NEAR_TOLERANCE;
+        }
+        let turns_back = step.dot(&(information * self.step)) < 0.0;
+        if (turns_back || self.iterations > FREE_STEPS) && step_sd < JUMPING_SD && step_sd > 0.7 * self.step_sd {
+            self.damping *= 0.5;
+        }
+        (self.step_sd, self.step) = (step_sd, *step);
+        step * self.damping
+    }
+
+    /// Length of the last step that was taken, in standard deviations of the pose.
+    fn last_sd(&self) -> f64 {
+        self.damping * self.step_sd
+    }
+
+    /// Counts a step that moved the surface by a length.
+    fn note(&mut self, length_m: f64) {
+        self.moved_m += length_m;
+        self.at_rest = length_m < STEP_TOLERANCE_M || self.last_sd() < self.tolerance_sd;
+    }
+}
+
+/// What points and rays tell at a pose.
+struct Summed {
+    on_points: Sums,
+    on_rays: Sums,
+    equations: NormalEquations,
+}
+
+impl Summed {
+    fn fit(
+        &self,
+        (X_WO, information): (Pose, Matrix6<f64>),
+        depths: &Depths<'_>,
+        silhouette: &Silhouette,
+        noise_m: f64,
+    ) -> Fit {
+        let Self { on_points, on_rays, .. } = self;
+        let (weight, has_shape) = (on_points.weight.max(1e-12), !depths.residuals.is_empty());
+        Fit {
+            X_WO,
+            information,
+            points: if has_shape { on_points.weight.round() as usize } else { depths.points.len() },
+            residual_m: if has_shape { (on_points.squares_m2 / weight).sqrt() } else { noise_m },
+            noise_m: if has_shape { (on_points.variances_m2 / weight).sqrt() } else { noise_m },
+            silhouette_residual_m: (!silhouette.is_empty())
+                .then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
+            points_mismatch: has_shape.then(|| on_points.squares / weight),
+            silhouette_mismatch: (!silhouette.is_empty()).then(|| silhouette.mean_square()),
+            robust_cost: robust_cost(on_points, depths.residuals.len(), LEAST_MEAN_M)
+                + robust_cost(on_rays, silhouette.len(), LEAST_MEAN_PX * silhouette.pixel_m()),
+            iterations: 0,
+        }
+    }
+}
+
 /// Fewer points than this give no pose.
 pub const MIN_POINTS: usize = 6;
 /// Largest root mean square residual that is believed, in metres, beside three standard deviations of depth
@@ -157,79 +243,48 @@ impl<'a> Registration<'a> {
         let mut scales =
             Scales { points: typical(&on_points), silhouette: silhouette.typical_violation(f64::INFINITY).max(1.0) };
         silhouette.choose(0.0, scales.silhouette);
-        let mut on_rays = Sums::ZERO;
-        let mut equations = NormalEquations::ZERO;
-        let (mut converged, mut in_sd, mut moved_m, mut damping) = (false, f64::INFINITY, 0.0, 1.0);
-        let (mut iterations, mut last_step, mut tolerance_sd) = (0, Vector6::zeros(), STEP_TOLERANCE_SD);
-        while iterations < max_iterations && !converged {
-            if iterations > 0 {
+        let mut summed = Summed { on_points: Sums::ZERO, on_rays: Sums::ZERO, equations: NormalEquations::ZERO };
+        let mut pace = Pace::NEW;
+        while pace.iterations < max_iterations && !pace.at_rest {
+            if pace.iterations > 0 {
                 self.measure(&mut depths, &X_WO);
             }
-            iterations += 1;
-            (on_points, on_rays, equations) = self.sum_all(&depths, silhouette, &X_WO, &mut scales);
-            let (information, gradient) = equations.projected(&observable);
-            let Some(mut step) = step(&information, &gradient, reference.radius_m) else { break };
-            let step_sd = step.dot(&(information * step)).max(0.0).sqrt();
-            if iterations == 1 && step_sd < NEAR_SD {
-                tolerance_sd *= NEAR_TOLERANCE;
-            }
-            let turns_back = step.dot(&(information * last_step)) < 0.0;
-            if (turns_back || iterations > FREE_STEPS) && step_sd < JUMPING_SD && step_sd > 0.7 * in_sd {
-                damping *= 0.5;
-            }
-            (in_sd, last_step) = (step_sd, step);
-            step *= damping;
+            pace.iterations += 1;
+            summed = self.sum_all(&depths, silhouette, &X_WO, &mut scales);
+            let (information, gradient) = summed.equations.projected(&observable);
+            let Some(step) = step(&information, &gradient, reference.radius_m) else { break };
+            let step = pace.damped(&step, &information);
             let length_m;
             (X_WO, length_m) = moved(&X_WO, &step, reference.radius_m);
-            moved_m += length_m;
-            converged = length_m < STEP_TOLERANCE_M || damping * in_sd < tolerance_sd;
+            pace.note(length_m);
             if !silhouette.is_empty() {
-                silhouette.follow(reference, &X_WO, moved_m, scales.silhouette);
+                silhouette.follow(reference, &X_WO, pace.moved_m, scales.silhouette);
                 let scale = silhouette.typical_violation(scales.silhouette).max(1.0);
-                converged &= scale > 0.7 * scales.silhouette;
+                pace.at_rest &= scale > 0.7 * scales.silhouette;
                 scales.silhouette = scale.max(LEAST_SHRINKING * scales.silhouette);
             }
         }
-        if !converged {
+        if !pace.at_rest {
             self.measure(&mut depths, &X_WO);
-            (on_points, on_rays, equations) = self.sum_all(&depths, silhouette, &X_WO, &mut scales);
+            summed = self.sum_all(&depths, silhouette, &X_WO, &mut scales);
         }
-        let (weight, has_shape) = (on_points.weight.max(1e-12), !depths.residuals.is_empty());
-        let fit = Fit {
-            X_WO,
-            information: in_world(&equations.projected(&observable).0, &X_WO),
-            points: if has_shape { on_points.weight.round() as usize } else { depths.points.len() },
-            residual_m: if has_shape { (on_points.squares_m2 / weight).sqrt() } else { noise_m },
-            noise_m: if has_shape { (on_points.variances_m2 / weight).sqrt() } else { noise_m },
-            silhouette_residual_m: (!silhouette.is_empty())
-                .then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
-            points_mismatch: has_shape.then(|| on_points.squares / weight),
-            silhouette_mismatch: (!silhouette.is_empty()).then(|| silhouette.mean_square()),
-            robust_cost: robust_cost(&on_points, depths.residuals.len(), LEAST_MEAN_M)
-                + robust_cost(&on_rays, silhouette.len(), LEAST_MEAN_PX * silhouette.pixel_m()),
-            iterations,
-        };
+        let information = in_world(&summed.equations.projected(&observable).0, &X_WO);
+        let fit = Fit { iterations: pace.iterations, ..summed.fit((X_WO, information), &depths, silhouette, noise_m) };
         let finite = X_WO.to_homogeneous().iter().chain(fit.information.iter()).all(|value| value.is_finite());
         // Kinks of the field can keep the last steps from vanishing; within the noise they do no harm.
-        (fit, (converged || damping * in_sd < 1.0) && finite && fit.residual_m.is_finite())
+        (fit, (pace.at_rest || pace.last_sd() < 1.0) && finite && fit.residual_m.is_finite())
     }
 
     /// The normal equations of both kinds at a pose that points and rays have been brought to, each by what
     /// its residuals turn out to be worth.
-    fn sum_all(
-        &self,
-        depths: &Depths<'_>,
-        silhouette: &mut Silhouette,
-        X_WO: &Pose,
-        scales: &mut Scales,
-    ) -> (Sums, Sums, NormalEquations) {
+    fn sum_all(&self, depths: &Depths<'_>, silhouette: &mut Silhouette, X_WO: &Pose, scales: &mut Scales) -> Summed {
         let on_points = self.sum_points(depths.residuals, scales.points);
         let on_rays = silhouette.sum(scales.silhouette);
         scales.points = typical(&on_points);
         let mut equations = on_rays.equations;
         equations.add_scaled(&on_points.equations, scales.points.powi(-2));
         self.add_mean_depths(&mut equations, depths, X_WO);
-        (on_points, on_rays, equations)
+        Summed { on_points, on_rays, equations }
     }
 
     /// What the mean depth of each image tells where single depths tell no shape: about how far away the

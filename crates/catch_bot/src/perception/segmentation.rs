@@ -209,39 +209,108 @@ impl Expected {
     }
 }
 
-/// Labels the pixels of a part of a frame, row by row, for an object expected there, and returns the box
-/// around those that show it.
-///
-/// What is behind a pixel costs a ray, so it is asked of pixels at the object's depth alone, and then of
-/// those beside the object's: all others are left unknown.
-pub(super) fn label(
-    labels: &mut Vec<Label>,
-    frame: &DepthFrame,
-    part: &PixelWindow,
-    background: &Background<'_>,
-    expected: &Expected,
-    config: &Config,
-) -> PixelWindow {
-    let Expected { centre_C, radius_m: reach_m, .. } = *expected;
-    let depth_m = centre_C.z;
-    // (r·c)² of rays r that touch the ball, in |r|².
-    let grazing_m2 = centre_C.coords.norm_squared() - reach_m * reach_m;
-    let (wide, high) = (part.width as usize, part.height as usize);
-    let [left, top] = [part.left - frame.window.left, part.top - frame.window.top].map(|offset| offset as usize);
-    let at = |x: usize, y: usize| f64::from(frame.depth_m[(top + y) * frame.window.width as usize + left + x]);
-    let is_measured = |found_m: f64| found_m > 0.0 && found_m.is_finite();
-    let is_near = |found_m: f64| (found_m - depth_m).abs() < reach_m + BACKGROUND_SD * config.depth_sd_m(found_m);
-    let judge = |x: usize, y: usize| {
-        let found_m = at(x, y);
+/// A part of a frame in which an object is expected.
+pub(super) struct Search<'a> {
+    pub frame: &'a DepthFrame,
+    pub part: &'a PixelWindow,
+    pub background: &'a Background<'a>,
+    pub expected: &'a Expected,
+    pub config: &'a Config,
+}
+
+impl Search<'_> {
+    /// Labels the pixels of the part, row by row, and returns the box around those that show the object.
+    ///
+    /// What is behind a pixel costs a ray, so it is asked of pixels at the object's depth alone, and then of
+    /// those beside the object's: all others are left unknown.
+    pub fn label(&self, labels: &mut Vec<Label>) -> PixelWindow {
+        let Self { frame, part, config, .. } = self;
+        let (wide, high) = (part.width as usize, part.height as usize);
+        let first = labels.len();
+        labels.resize(first + wide * high, Label::Unknown);
+        let labels = &mut labels[first..];
+        // The box around the object's pixels.
+        let (mut low, mut past) = ([usize::MAX; 2], [0; 2]);
+        for y in 0..high {
+            let start = self.start_of_row(y);
+            for (run, depths_m) in frame.depth_m[start..start + wide].chunks(RUN).enumerate() {
+                // All at once, because in most runs nothing is measured. Not a number is nearer than nothing.
+                if !depths_m.iter().fold(false, |any, found_m| any | (*found_m > 0.0)) {
+                    continue;
+                }
+                for (x, found_m) in (run * RUN..).zip(depths_m) {
+                    if is_measured(f64::from(*found_m)) && self.is_near(f64::from(*found_m)) {
+                        let label = self.judge(x, y);
+                        labels[y * wide + x] = label;
+                        if label == Label::Object {
+                            low = [low[0].min(x), low[1].min(y)];
+                            past = [past[0].max(x + 1), past[1].max(y + 1)];
+                        }
+                    }
+                }
+            }
+        }
+        self.judge_edges(labels, low, past);
+        if config.misses_depths() {
+            mark_uncertain_holes(labels, part, |column, row| {
+                is_measured(self.depth_m((column - part.left) as usize, (row - part.top) as usize))
+            });
+        }
+        let (left, top) = (part.left + low[0].min(wide) as u32, part.top + low[1].min(high) as u32);
+        let [width, height] = [0, 1].map(|axis| past[axis].saturating_sub(low[axis]) as u32);
+        PixelWindow { left, top, width, height }
+    }
+
+    /// Labels what is still unknown beside the object's pixels, all of which lie in a box.
+    fn judge_edges(&self, labels: &mut [Label], low: [usize; 2], past: [usize; 2]) {
+        let (wide, high) = (self.part.width as usize, self.part.height as usize);
+        for y in low[1].saturating_sub(1)..(past[1] + 1).min(high) {
+            for x in low[0].saturating_sub(1)..(past[0] + 1).min(wide) {
+                let i = y * wide + x;
+                let is_object = |i: usize| labels[i] == Label::Object;
+                let beside = x > 0 && is_object(i - 1)
+                    || x + 1 < wide && is_object(i + 1)
+                    || y > 0 && is_object(i - wide)
+                    || y + 1 < high && is_object(i + wide);
+                if beside && labels[i] == Label::Unknown {
+                    labels[i] = self.judge(x, y);
+                }
+            }
+        }
+    }
+
+    /// Where the depths of a row of the part begin in the frame.
+    fn start_of_row(&self, y: usize) -> usize {
+        let Self { frame, part, .. } = self;
+        let [left, top] = [part.left - frame.window.left, part.top - frame.window.top].map(|offset| offset as usize);
+        (top + y) * frame.window.width as usize + left
+    }
+
+    fn depth_m(&self, x: usize, y: usize) -> f64 {
+        f64::from(self.frame.depth_m[self.start_of_row(y) + x])
+    }
+
+    /// Whether a depth may be that of the object.
+    fn is_near(&self, found_m: f64) -> bool {
+        let Expected { centre_C, radius_m, .. } = self.expected;
+        (found_m - centre_C.z).abs() < radius_m + BACKGROUND_SD * self.config.depth_sd_m(found_m)
+    }
+
+    fn judge(&self, x: usize, y: usize) -> Label {
+        let Self { part, background, config, .. } = self;
+        let Expected { centre_C, radius_m, .. } = self.expected;
+        let found_m = self.depth_m(x, y);
         let uv = Point2::new(f64::from(part.left) + x as f64 + 0.5, f64::from(part.top) + y as f64 + 0.5);
         let ray_C = background.camera.back_project(&uv, 1.0).coords;
+        // (r·c)² of rays r that touch the ball, in |r|².
+        let grazing_m2 = centre_C.coords.norm_squared() - radius_m * radius_m;
         if ray_C.dot(&centre_C.coords).powi(2) < ray_C.norm_squared() * grazing_m2 {
             return Label::Unknown;
         }
         let behind_m = background.along_m(&ray_C);
         let nearest_m = background.nearest_along_m(&ray_C, behind_m);
         // Too close to tell apart, or in front of where the object is.
-        let is_hidden = nearest_m.is_finite() && nearest_m - reach_m - threshold_m(nearest_m, config) < depth_m;
+        let is_hidden = nearest_m.is_finite() && nearest_m - radius_m - threshold_m(nearest_m, config) < centre_C.z;
         let is_behind = nearest_m.is_finite() && found_m > nearest_m - threshold_m(nearest_m, config);
         match is_measured(found_m) {
             false if nearest_m.is_infinite() => Label::Elsewhere,
@@ -249,55 +318,14 @@ pub(super) fn label(
             false => Label::Elsewhere,
             true if is_behind && is_hidden => Label::Unknown,
             true if is_behind => Label::Elsewhere,
-            true if is_near(found_m) => Label::Object,
+            true if self.is_near(found_m) => Label::Object,
             true => Label::Unknown,
         }
-    };
-    let first = labels.len();
-    labels.resize(first + wide * high, Label::Unknown);
-    let labels = &mut labels[first..];
-    // The box around the object's pixels.
-    let (mut low, mut past) = ([usize::MAX; 2], [0; 2]);
-    for y in 0..high {
-        let start = (top + y) * frame.window.width as usize + left;
-        for (run, depths_m) in frame.depth_m[start..start + wide].chunks(RUN).enumerate() {
-            // All at once, because in most runs nothing is measured. Not a number is nearer than nothing.
-            if !depths_m.iter().fold(false, |any, found_m| any | (*found_m > 0.0)) {
-                continue;
-            }
-            for (x, found_m) in (run * RUN..).zip(depths_m) {
-                if is_measured(f64::from(*found_m)) && is_near(f64::from(*found_m)) {
-                    let label = judge(x, y);
-                    labels[y * wide + x] = label;
-                    if label == Label::Object {
-                        low = [low[0].min(x), low[1].min(y)];
-                        past = [past[0].max(x + 1), past[1].max(y + 1)];
-                    }
-                }
-            }
-        }
     }
-    for y in low[1].saturating_sub(1)..(past[1] + 1).min(high) {
-        for x in low[0].saturating_sub(1)..(past[0] + 1).min(wide) {
-            let i = y * wide + x;
-            let is_object = |i: usize| labels[i] == Label::Object;
-            let beside = x > 0 && is_object(i - 1)
-                || x + 1 < wide && is_object(i + 1)
-                || y > 0 && is_object(i - wide)
-                || y + 1 < high && is_object(i + wide);
-            if beside && labels[i] == Label::Unknown {
-                labels[i] = judge(x, y);
-            }
-        }
-    }
-    if config.misses_depths() {
-        mark_uncertain_holes(labels, part, |column, row| {
-            is_measured(at((column - part.left) as usize, (row - part.top) as usize))
-        });
-    }
-    let (left, top) = (part.left + low[0].min(wide) as u32, part.top + low[1].min(high) as u32);
-    let [width, height] = [0, 1].map(|axis| past[axis].saturating_sub(low[axis]) as u32);
-    PixelWindow { left, top, width, height }
+}
+
+fn is_measured(found_m: f64) -> bool {
+    found_m > 0.0 && found_m.is_finite()
 }
 
 /// So many of a pixel's eight neighbours show the object if it is a hole in the object's image, or at least

@@ -90,20 +90,24 @@ impl Hessian {
         equalities: usize,
     ) -> Result<Variables, ProgramFailure> {
         let mut active = ActiveSet {
+            rows,
+            equalities,
             J: self.factor,
             R: Square::zeros(),
             multipliers: Variables::zeros(),
             size: self.factor.norm_squared(),
-            ..ActiveSet::default()
+            indices: [0; MAX_VARIABLES],
+            signs: [0.0; MAX_VARIABLES],
+            count: 0,
         };
         let mut x = -(self.factor * (self.factor.transpose() * gradient));
         // Each constraint that enters and leaves again costs a pass; a cycle means numerical trouble.
         for _ in 0..20 * (rows.len() + 1) {
-            let Some((index, sign)) = most_violated(&x, rows, bounds, equalities, &active) else {
+            let Some((index, sign)) = active.most_violated(&x, bounds) else {
                 return if keeps(&x, rows, bounds) { Ok(x) } else { Err(ProgramFailure::Numerical) };
             };
             let bound = if sign > 0.0 { bounds[index][0] } else { -bounds[index][1] };
-            active.enter(&mut x, rows, index, bound, sign, equalities)?;
+            active.enter(&mut x, index, sign, bound)?;
         }
         Err(ProgramFailure::IterationLimit)
     }
@@ -127,37 +131,11 @@ fn keeps(x: &Variables, rows: &[Row], bounds: &[Bounds]) -> bool {
 /// Normals whose rest beside the active ones is less than this fraction of them depend on these.
 const DEPENDENT: f64 = 1e-7;
 
-/// The next constraint to enter: equalities first, then the most violated by distance; with the sign that
-/// makes it a lower bound.
-fn most_violated(
-    x: &Variables,
-    rows: &[Row],
-    bounds: &[Bounds],
+/// The constraints that hold with equality, and what they leave free.
+struct ActiveSet<'a> {
+    /// Of all constraints, the equalities first.
+    rows: &'a [Row],
     equalities: usize,
-    active: &ActiveSet,
-) -> Option<(usize, f64)> {
-    let mut worst = None;
-    let mut most = 0.0;
-    for (index, (row, [low, high])) in rows.iter().zip(bounds).enumerate() {
-        let value = row.dot(x);
-        if index < equalities {
-            if active.contains(index) {
-                continue;
-            }
-            return Some((index, if value > *low { -1.0 } else { 1.0 }));
-        }
-        let (below, above) = (low - value, value - high);
-        let (violation, bound, sign) = if below > above { (below, low, 1.0) } else { (above, high, -1.0) };
-        if violation > TOLERANCE * (1.0 + bound.abs()) && violation * row.scale > most && !active.contains(index) {
-            most = violation * row.scale;
-            worst = Some((index, sign));
-        }
-    }
-    worst
-}
-
-#[derive(Default)]
-struct ActiveSet {
     /// Orthogonal transform of L⁻ᵀ: its first `count` columns span the active normals in the metric of H.
     J: Square,
     /// Upper triangular, `count` × `count`.
@@ -171,54 +149,52 @@ struct ActiveSet {
     count: usize,
 }
 
-impl ActiveSet {
+/// Where a constraint can go.
+struct Direction {
+    /// Its normal in the columns of J.
+    d: Variables,
+    /// Direction in x that keeps the active constraints, and aᵀz.
+    z: Variables,
+    curvature: f64,
+    /// How the multipliers of these change along it.
+    r: Variables,
+}
+
+impl ActiveSet<'_> {
     fn contains(&self, index: usize) -> bool {
         self.indices[..self.count].contains(&index)
     }
 
+    /// The next constraint to enter: equalities first, then the most violated by distance; with the sign that
+    /// makes it a lower bound.
+    fn most_violated(&self, x: &Variables, bounds: &[Bounds]) -> Option<(usize, f64)> {
+        let mut worst = None;
+        let mut most = 0.0;
+        for (index, (row, [low, high])) in self.rows.iter().zip(bounds).enumerate() {
+            let value = row.dot(x);
+            if index < self.equalities {
+                if self.contains(index) {
+                    continue;
+                }
+                return Some((index, if value > *low { -1.0 } else { 1.0 }));
+            }
+            let (below, above) = (low - value, value - high);
+            let (violation, bound, sign) = if below > above { (below, low, 1.0) } else { (above, high, -1.0) };
+            if violation > TOLERANCE * (1.0 + bound.abs()) && violation * row.scale > most && !self.contains(index) {
+                most = violation * row.scale;
+                worst = Some((index, sign));
+            }
+        }
+        worst
+    }
+
     /// Moves `x` until sign·aᵀx ≥ `bound` holds, dropping what stands in the way.
-    fn enter(
-        &mut self,
-        x: &mut Variables,
-        rows: &[Row],
-        index: usize,
-        bound: f64,
-        sign: f64,
-        equalities: usize,
-    ) -> Result<(), ProgramFailure> {
-        let row = &rows[index];
+    fn enter(&mut self, x: &mut Variables, index: usize, sign: f64, bound: f64) -> Result<(), ProgramFailure> {
+        let row = &self.rows[index];
         let mut multiplier = 0.0;
         loop {
-            let mut d = Variables::zeros();
-            for column in 0..MAX_VARIABLES {
-                let column_J = self.J.column(column);
-                d[column] = sign * (row.first..row.last).map(|i| row.a[i] * column_J[i]).sum::<f64>();
-            }
-            // z: direction in x that keeps the active constraints; r: how their multipliers change along it.
-            let mut z = Variables::zeros();
-            let mut curvature = 0.0;
-            for column in self.count..MAX_VARIABLES {
-                z.axpy(d[column], &self.J.column(column), 1.0);
-                curvature += d[column] * d[column];
-            }
-            let mut r = Variables::zeros();
-            for row in (0..self.count).rev() {
-                let sum: f64 = (row + 1..self.count).map(|column| self.R[(row, column)] * r[column]).sum();
-                r[row] = (d[row] - sum) / self.R[(row, row)];
-            }
-
-            // The longest step before an inequality's multiplier turns negative.
-            let mut partial = f64::INFINITY;
-            let mut blocking = None;
-            for slot in 0..self.count {
-                if self.indices[slot] >= equalities && r[slot] > 0.0 {
-                    let step = self.multipliers[slot] / r[slot];
-                    if step < partial {
-                        partial = step;
-                        blocking = Some(slot);
-                    }
-                }
-            }
+            let Direction { d, z, curvature, r } = self.direction(row, sign);
+            let (partial, blocking) = self.longest_step(&r);
             // The step that fulfils the constraint.
             let slack = sign * row.dot(x) - bound;
             let full =
@@ -227,9 +203,9 @@ impl ActiveSet {
             let step = partial.min(full);
             if !step.is_finite() {
                 // No direction is left: redundant if it already holds, else infeasible.
-                return match index < equalities && slack.abs() < 1e-9 {
+                return match index < self.equalities && slack.abs() < 1e-9 {
                     true => Ok(()),
-                    false if self.spans(rows, row, sign, &r) => Err(ProgramFailure::Infeasible),
+                    false if self.spans(row, sign, &r) => Err(ProgramFailure::Infeasible),
                     false => Err(ProgramFailure::Numerical),
                 };
             }
@@ -248,12 +224,46 @@ impl ActiveSet {
         }
     }
 
+    fn direction(&self, row: &Row, sign: f64) -> Direction {
+        let mut d = Variables::zeros();
+        for column in 0..MAX_VARIABLES {
+            let column_J = self.J.column(column);
+            d[column] = sign * (row.first..row.last).map(|i| row.a[i] * column_J[i]).sum::<f64>();
+        }
+        let mut z = Variables::zeros();
+        let mut curvature = 0.0;
+        for column in self.count..MAX_VARIABLES {
+            z.axpy(d[column], &self.J.column(column), 1.0);
+            curvature += d[column] * d[column];
+        }
+        let mut r = Variables::zeros();
+        for row in (0..self.count).rev() {
+            let sum: f64 = (row + 1..self.count).map(|column| self.R[(row, column)] * r[column]).sum();
+            r[row] = (d[row] - sum) / self.R[(row, row)];
+        }
+        Direction { d, z, curvature, r }
+    }
+
+    /// The longest step before an inequality's multiplier turns negative, and which does.
+    fn longest_step(&self, r: &Variables) -> (f64, Option<usize>) {
+        let mut longest = (f64::INFINITY, None);
+        for slot in 0..self.count {
+            if self.indices[slot] >= self.equalities && r[slot] > 0.0 {
+                let step = self.multipliers[slot] / r[slot];
+                if step < longest.0 {
+                    longest = (step, Some(slot));
+                }
+            }
+        }
+        longest
+    }
+
     /// Whether the normal of a constraint is the combination `r` of the active ones, but for rounding. Where
     /// no multiplier can fall then, the constraints contradict each other (Farkas' lemma).
-    fn spans(&self, rows: &[Row], row: &Row, sign: f64, r: &Variables) -> bool {
+    fn spans(&self, row: &Row, sign: f64, r: &Variables) -> bool {
         let mut rest = row.a * sign;
         for slot in 0..self.count {
-            rest.axpy(-r[slot] * self.signs[slot], &rows[self.indices[slot]].a, 1.0);
+            rest.axpy(-r[slot] * self.signs[slot], &self.rows[self.indices[slot]].a, 1.0);
         }
         rest.norm() * row.scale < DEPENDENT
     }

@@ -9,11 +9,11 @@
 //! so that position, velocity, k, E, c_M, s and c follow from one linear problem with Gaussian priors.
 
 use catch_body::{dynamics::gravity, quantity};
-use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Cholesky, Const, Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    AerodynamicForces, Config, FlightTrajectory,
+    AerodynamicForces, Config, FlightTrajectory, LEAST_DRAG_PER_M, MOST_DRAG_PER_M,
     correlated_error::CorrelatedSums,
     process_noise::{add_product, after_impulse, lost_square},
 };
@@ -117,15 +117,6 @@ enum UnseenSpin {
 }
 
 impl UnseenSpin {
-    fn of(symmetry: &Symmetry, prior: &AerodynamicPrior) -> Self {
-        match symmetry {
-            Symmetry::Sphere => Self::World,
-            _ if prior.magnus == 0.0 && prior.magnus_sd == 0.0 => Self::World,
-            Symmetry::Axis { axis, .. } => Self::Along(*axis),
-            Symmetry::Finite { .. } => Self::None,
-        }
-    }
-
     /// ∂(s×v)/∂(its parameters).
     fn acceleration_by(self, R_WO: &Rotation3<f64>, v: &Vector3<f64>) -> Matrix3<f64> {
         let mut by = Matrix3::zeros();
@@ -135,6 +126,184 @@ impl UnseenSpin {
             Self::None => {}
         }
         by
+    }
+}
+
+/// Which parameters an object has, by its symmetry.
+struct Model<'a> {
+    config: &'a Config,
+    basis: [Matrix3<f64>; E],
+    centres: Matrix3<f64>,
+    unseen: UnseenSpin,
+    /// Whether the spin that is seen may make lift.
+    has_lift: bool,
+}
+
+/// Accelerations by the parameters from the drag constant on.
+type ByForces = SMatrix<f64, 3, FORCES>;
+type Parameters = SVector<f64, N>;
+type Covariance = SMatrix<f64, N, N>;
+
+impl<'a> Model<'a> {
+    fn new(symmetry: &Symmetry, config: &'a Config) -> Self {
+        let has_magnus = config.aerodynamics.magnus > 0.0 || config.aerodynamics.magnus_sd > 0.0;
+        let unseen = match symmetry {
+            Symmetry::Axis { axis, .. } if has_magnus => UnseenSpin::Along(*axis),
+            Symmetry::Finite { .. } if has_magnus => UnseenSpin::None,
+            _ => UnseenSpin::World,
+        };
+        let has_lift = has_magnus && !matches!(symmetry, Symmetry::Sphere);
+        Self { config, basis: deviations(symmetry), centres: centres(symmetry), unseen, has_lift }
+    }
+
+    /// At an orientation, a velocity and an angular velocity; of the unseen spin, `left` has not decayed.
+    fn accelerations(&self, R_WO: &UnitQuaternion<f64>, v: &Vector3<f64>, w: &Vector3<f64>, left: f64) -> ByForces {
+        let mut by = ByForces::zeros();
+        by.set_column(0, &(v * -v.norm()));
+        let R = R_WO.to_rotation_matrix();
+        let in_body = R.inverse() * v;
+        for (i, unit) in self.basis.iter().enumerate() {
+            by.set_column(1 + i, &(R * (unit * in_body) * -v.norm()));
+        }
+        by.fixed_view_mut::<3, 3>(0, LIFT - DRAG).copy_from(&(self.unseen.acceleration_by(&R, v) * left));
+        by.set_column(MAGNUS - DRAG, &(if self.has_lift { w.cross(v) } else { Vector3::zeros() }));
+        by
+    }
+
+    /// A row for each pose, newest first, and the accelerations at the flight's time: backward from there by
+    /// the trapezoid rule, the velocity along the flight as it was fitted.
+    fn rows(&self, poses: &[ObjectPose], flight: &FlightTrajectory, rows: &mut Vec<Row>) -> ByForces {
+        rows.clear();
+        rows.reserve(self.config.considered.fit_window);
+        let mut v = flight.v_WOcm;
+        let mut tumbling = flight.tumbling();
+        let newest = self.accelerations(&flight.R_WO, &v, &flight.w_WO, 1.0);
+        let mut last = newest;
+        let (mut by_velocity, mut by_position) = (last * 0.0, last * 0.0);
+        let mut age_s = 0.0;
+        for pose in poses.iter().rev().filter(|pose| super::ransac::is_finite(pose)) {
+            let h = (flight.time_s - pose.capture_s - age_s).max(0.0);
+            v -= (gravity() - v * (flight.drag_per_m * v.norm())) * h;
+            tumbling = tumbling.after(-h, false);
+            let left = libm::exp(flight.spin_decay_per_s * (age_s + h));
+            let now = self.accelerations(&pose.X_WO.rotation, &v, &tumbling.w_WO(), left);
+            let mean = (last + now) * 0.5;
+            by_position += mean * (0.5 * h * h) - by_velocity * h;
+            by_velocity -= mean * h;
+            (age_s, last) = (age_s + h, now);
+            let mut by = SMatrix::<f64, 3, N>::zeros();
+            by.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+            by.fixed_view_mut::<3, 3>(0, 3).fill_diagonal(-age_s);
+            by.fixed_view_mut::<3, FORCES>(0, DRAG).copy_from(&by_position);
+            let R_WO = tumbling.R_WO.to_rotation_matrix();
+            by.fixed_view_mut::<3, 3>(0, COM).copy_from(&-(R_WO * self.centres));
+            let p_W = pose.X_WO.translation.vector;
+            let rest = p_W - gravity() * (0.5 * age_s * age_s);
+            rows.push(Row { age_s, p_W, by, rest, information: of_position(pose), weight: 1.0 });
+        }
+        newest
+    }
+
+    /// What is expected of the parameters, and the information that this is.
+    fn prior(&self) -> (Parameters, Parameters) {
+        let AerodynamicPrior { drag_deviation_sd_per_m, magnus, magnus_sd, lift_sd_radps, .. } =
+            self.config.aerodynamics;
+        let mut expected = Parameters::zeros();
+        (expected[DRAG], expected[MAGNUS]) = (self.config.drag_per_m(), magnus);
+        let of = |sd: f64| sd.max(1e-7).powi(-2);
+        let mut known = Parameters::repeat(1e-6);
+        known[DRAG] = of(self.config.drag_sd_per_m());
+        known.fixed_rows_mut::<E>(DEVIATION).fill(of(drag_deviation_sd_per_m));
+        known.fixed_rows_mut::<3>(LIFT).fill(of(lift_sd_radps));
+        known[MAGNUS] = of(magnus_sd);
+        known.fixed_rows_mut::<3>(COM).fill(of(self.config.com_sd_m()));
+        (expected, known)
+    }
+
+    /// The parameters that all rows and the prior agree on, and the inverse of their information; what the
+    /// common error of the rows does to them is added to `correlated`. `None` if the arithmetic failed.
+    fn solved(
+        &self,
+        rows: &[Row],
+        scale: f64,
+        mut correlated: Option<&mut CorrelatedSums<N>>,
+    ) -> Option<(Parameters, Cholesky<f64, Const<N>>)> {
+        let noise = self.config.process_noise.acceleration;
+        let (mut H, mut g) = (Covariance::zeros(), Parameters::zeros());
+        let mut older_s = None;
+        for row in rows.iter().rev() {
+            if let Some(older_s) = older_s.replace(row.age_s) {
+                let variance = noise.powi(2) * (older_s - row.age_s);
+                if variance > 0.0 {
+                    let middle_s = f64::midpoint(older_s, row.age_s);
+                    let gain = after_impulse(&mut H, &mut g, [0, 3], middle_s, variance);
+                    if let (Some(gain), Some(correlated)) = (gain, &mut correlated) {
+                        correlated.after_impulse(&gain, [0, 3], middle_s);
+                    }
+                }
+            }
+            let by = row.by.transpose();
+            let pulled = by * row.information * (row.weight / (scale * scale));
+            add_product(&mut H, &pulled, &by);
+            g -= pulled * row.rest;
+            if let Some(correlated) = &mut correlated {
+                correlated.add(row.age_s, &row.p_W, &pulled);
+            }
+        }
+        let (expected, known) = self.prior();
+        H += SMatrix::from_diagonal(&known);
+        g -= known.component_mul(&expected);
+        let factor = H.cholesky()?;
+        Some((-factor.solve(&g), factor))
+    }
+
+    /// Weighs the rows anew by their errors, and tells how large these are.
+    ///
+    /// The noise of the process displaces older poses: the newest ones tell how large the errors are.
+    fn reweighted(&self, rows: &mut [Row], x: &Parameters, scale: f64) -> f64 {
+        let (mut squares, mut freedom) = (12.0, 12.0);
+        for row in rows.iter_mut() {
+            let error = row.rest - row.by * x;
+            let lost = lost_square(&row.information, &error, self.config.process_noise.acceleration, row.age_s);
+            let square = (error.dot(&(row.information * error)) - lost).max(0.0) / 3.0;
+            row.weight = (1.0 + square / (OUTLIER_SD * scale).powi(2)).powi(-2);
+            squares += row.weight * square * 3.0;
+            freedom += row.weight * 3.0;
+        }
+        f64::sqrt(squares / freedom)
+    }
+
+    /// Puts what was found into a flight; `newest` are the accelerations at its time.
+    fn put(&self, flight: &mut FlightTrajectory, x: &Parameters, covariance: &Covariance, newest: &ByForces) {
+        let Self { config, basis, centres, unseen, has_lift } = self;
+        flight.p_WOcm = x.fixed_rows::<3>(0).into_owned().into();
+        flight.v_WOcm = x.fixed_rows::<3>(3).into_owned();
+        flight.drag_per_m = x[DRAG].clamp(LEAST_DRAG_PER_M, MOST_DRAG_PER_M);
+        flight.covariance = covariance.fixed_view::<7, 7>(0, 0).into_owned();
+        if config.com_sd_m() > 0.0 {
+            flight.com_O = centres * x.fixed_rows::<3>(COM);
+            let of_com = covariance.fixed_columns::<3>(COM) * centres.transpose();
+            flight.com_covariance.fixed_rows_mut::<6>(0).copy_from(&of_com.fixed_rows::<6>(0));
+            flight.com_covariance.fixed_rows_mut::<3>(6).copy_from(&(centres * of_com.fixed_rows::<3>(COM)));
+        }
+        if config.aerodynamics.any() {
+            let deviation = basis.iter().enumerate().map(|(i, unit)| unit * x[DEVIATION + i]).sum();
+            flight.forces = AerodynamicForces {
+                drag_deviation_O: braking(flight.drag_per_m, deviation),
+                magnus: if *has_lift { x[MAGNUS] } else { 0.0 },
+                ..AerodynamicForces::default()
+            };
+            match unseen {
+                UnseenSpin::World => flight.forces.lift_W = x.fixed_rows::<3>(LIFT).into_owned(),
+                UnseenSpin::Along(axis) => flight.forces.lift_O = axis.into_inner() * x[LIFT],
+                UnseenSpin::None => {}
+            }
+            let by_forces = newest.fixed_columns::<{ COM - DEVIATION }>(1).transpose();
+            let of_forces = covariance.fixed_columns::<{ COM - DEVIATION }>(DEVIATION) * by_forces;
+            flight.force_covariance.fixed_rows_mut::<6>(0).copy_from(&of_forces.fixed_rows::<6>(0));
+            let own = by_forces.transpose() * of_forces.fixed_rows::<{ COM - DEVIATION }>(DEVIATION);
+            flight.force_covariance.fixed_rows_mut::<3>(6).copy_from(&own);
+        }
     }
 }
 
@@ -160,143 +329,33 @@ pub(super) fn refine(
     config: &Config,
     rows: &mut Vec<Row>,
 ) -> Option<()> {
-    let (basis, centres) = (deviations(symmetry), centres(symmetry));
-    let unseen = UnseenSpin::of(symmetry, &config.aerodynamics);
-    // Accelerations by the parameters from the drag constant on.
-    let accelerations = |R_WO: &UnitQuaternion<f64>, v: &Vector3<f64>, w: &Vector3<f64>, left: f64| {
-        let mut by = SMatrix::<f64, 3, FORCES>::zeros();
-        by.set_column(0, &(v * -v.norm()));
-        let R = R_WO.to_rotation_matrix();
-        let in_body = R.inverse() * v;
-        for (i, unit) in basis.iter().enumerate() {
-            by.set_column(1 + i, &(R * (unit * in_body) * -v.norm()));
-        }
-        by.fixed_view_mut::<3, 3>(0, LIFT - DRAG).copy_from(&(unseen.acceleration_by(&R, v) * left));
-        by.set_column(MAGNUS - DRAG, &w.cross(v));
-        by
-    };
-    rows.clear();
-    rows.reserve(config.considered.fit_window);
-    // Backward from the newest pose, by the trapezoid rule: the velocity along the flight as it was fitted.
-    let mut v = flight.v_WOcm;
-    let mut tumbling = flight.tumbling();
-    let turns = !matches!(symmetry, Symmetry::Sphere)
-        && (config.aerodynamics.magnus > 0.0 || config.aerodynamics.magnus_sd > 0.0);
-    let newest = accelerations(&flight.R_WO, &v, &if turns { flight.w_WO } else { Vector3::zeros() }, 1.0);
-    let mut last = newest;
-    let (mut by_velocity, mut by_position) = (last * 0.0, last * 0.0);
-    let mut age_s = 0.0;
-    for pose in poses.iter().rev().filter(|pose| super::ransac::is_finite(pose)) {
-        let h = (flight.time_s - pose.capture_s - age_s).max(0.0);
-        v -= (gravity() - v * (flight.drag_per_m * v.norm())) * h;
-        tumbling = tumbling.after(-h, false);
-        let w = if turns { tumbling.w_WO() } else { Vector3::zeros() };
-        let left = libm::exp(flight.spin_decay_per_s * (age_s + h));
-        let now = accelerations(&pose.X_WO.rotation, &v, &w, left);
-        let mean = (last + now) * 0.5;
-        by_position += mean * (0.5 * h * h) - by_velocity * h;
-        by_velocity -= mean * h;
-        (age_s, last) = (age_s + h, now);
-        let mut by = SMatrix::<f64, 3, N>::zeros();
-        by.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-        by.fixed_view_mut::<3, 3>(0, 3).fill_diagonal(-age_s);
-        by.fixed_view_mut::<3, FORCES>(0, DRAG).copy_from(&by_position);
-        let R_WO = tumbling.R_WO.to_rotation_matrix();
-        by.fixed_view_mut::<3, 3>(0, COM).copy_from(&-(R_WO * centres));
-        let rest = pose.X_WO.translation.vector - gravity() * (0.5 * age_s * age_s);
-        let p_W = pose.X_WO.translation.vector;
-        rows.push(Row { age_s, p_W, by, rest, information: of_position(pose), weight: 1.0 });
-    }
-    let mut expected = SVector::<f64, N>::zeros();
-    expected[DRAG] = config.drag_per_m();
-    expected[MAGNUS] = config.aerodynamics.magnus;
-    let mut known = SVector::<f64, N>::repeat(1e-6);
-    let of = |sd: f64| sd.max(1e-7).powi(-2);
-    known[DRAG] = of(config.drag_sd_per_m());
-    for i in 0..E {
-        known[DEVIATION + i] = of(config.aerodynamics.drag_deviation_sd_per_m);
-    }
-    for i in 0..3 {
-        known[LIFT + i] = of(config.aerodynamics.lift_sd_radps);
-        known[COM + i] = of(config.com_sd_m());
-    }
-    known[MAGNUS] = of(config.aerodynamics.magnus_sd);
-    let mut found = None;
+    let model = Model::new(symmetry, config);
+    let newest = model.rows(poses, flight, rows);
     let mut scale = 1.0;
-    for pass in 0..=PASSES {
-        let (mut H, mut g) = (SMatrix::<f64, N, N>::zeros(), SVector::<f64, N>::zeros());
-        let mut correlated = CorrelatedSums::of(config.correlated_sd_per_m).filter(|_| pass == PASSES);
-        let mut older_s = None;
-        for row in rows.iter().rev() {
-            if let Some(older_s) = older_s.replace(row.age_s) {
-                let variance = config.process_noise.acceleration.powi(2) * (older_s - row.age_s);
-                if variance > 0.0 {
-                    let middle_s = f64::midpoint(older_s, row.age_s);
-                    let gain = after_impulse(&mut H, &mut g, [0, 3], middle_s, variance);
-                    if let (Some(gain), Some(correlated)) = (gain, &mut correlated) {
-                        correlated.after_impulse(&gain, [0, 3], middle_s);
-                    }
-                }
-            }
-            let by = row.by.transpose();
-            let pulled = by * row.information * (row.weight / (scale * scale));
-            add_product(&mut H, &pulled, &by);
-            g -= pulled * row.rest;
-            if let Some(correlated) = &mut correlated {
-                correlated.add(row.age_s, &row.p_W, &pulled);
-            }
-        }
-        H += SMatrix::from_diagonal(&known);
-        g -= known.component_mul(&expected);
-        let factor = H.cholesky()?;
-        let x = -factor.solve(&g);
-        if pass == PASSES {
-            let inverse = factor.inverse();
-            let correlated = correlated.map_or_else(SMatrix::zeros, |it| it.covariance(&inverse));
-            found = Some((x, inverse + correlated));
-            break;
-        }
-        // The noise of the process displaces older poses: the newest ones tell how large the errors are.
-        let (mut squares, mut freedom) = (12.0, 12.0);
-        for row in rows.iter_mut() {
-            let error = row.rest - row.by * x;
-            let lost = lost_square(&row.information, &error, config.process_noise.acceleration, row.age_s);
-            let square = (error.dot(&(row.information * error)) - lost).max(0.0) / 3.0;
-            row.weight = (1.0 + square / (OUTLIER_SD * scale).powi(2)).powi(-2);
-            squares += row.weight * square * 3.0;
-            freedom += row.weight * 3.0;
-        }
-        scale = f64::sqrt(squares / freedom);
+    for _ in 0..PASSES {
+        let (x, _) = model.solved(rows, scale, None)?;
+        scale = model.reweighted(rows, &x, scale);
     }
-    let (x, covariance) = found.filter(|(x, _)| x.iter().all(|value| value.is_finite()))?;
-    flight.p_WOcm = x.fixed_rows::<3>(0).into_owned().into();
-    flight.v_WOcm = x.fixed_rows::<3>(3).into_owned();
-    flight.drag_per_m = x[DRAG];
-    flight.covariance = covariance.fixed_view::<7, 7>(0, 0).into_owned();
-    if config.com_sd_m() > 0.0 {
-        flight.com_O = centres * x.fixed_rows::<3>(COM);
-        let of_com = covariance.fixed_columns::<3>(COM) * centres.transpose();
-        flight.com_covariance.fixed_rows_mut::<6>(0).copy_from(&of_com.fixed_rows::<6>(0));
-        flight.com_covariance.fixed_rows_mut::<3>(6).copy_from(&(centres * of_com.fixed_rows::<3>(COM)));
+    let mut correlated = CorrelatedSums::of(config.correlated_sd_per_m);
+    let (x, factor) = model.solved(rows, scale, correlated.as_mut())?;
+    let inverse = factor.inverse();
+    let of_correlated = correlated.map_or_else(SMatrix::zeros, |it| it.covariance(&inverse));
+    if !x.iter().all(|value| value.is_finite()) {
+        return None;
     }
-    if config.aerodynamics.any() {
-        flight.forces = AerodynamicForces {
-            drag_deviation_O: basis.iter().enumerate().map(|(i, unit)| unit * x[DEVIATION + i]).sum(),
-            magnus: if turns { x[MAGNUS] } else { 0.0 },
-            ..AerodynamicForces::default()
-        };
-        match unseen {
-            UnseenSpin::World => flight.forces.lift_W = x.fixed_rows::<3>(LIFT).into_owned(),
-            UnseenSpin::Along(axis) => flight.forces.lift_O = axis.into_inner() * x[LIFT],
-            UnseenSpin::None => {}
-        }
-        let by_forces = newest.fixed_columns::<{ COM - DEVIATION }>(1).transpose();
-        let of_forces = covariance.fixed_columns::<{ COM - DEVIATION }>(DEVIATION) * by_forces;
-        flight.force_covariance.fixed_rows_mut::<6>(0).copy_from(&of_forces.fixed_rows::<6>(0));
-        let own = by_forces.transpose() * of_forces.fixed_rows::<{ COM - DEVIATION }>(DEVIATION);
-        flight.force_covariance.fixed_rows_mut::<3>(6).copy_from(&own);
-    }
+    model.put(flight, &x, &(inverse + of_correlated), &newest);
     Some(())
+}
+
+/// The E with which the drag matrix k·1 + E is what air can do: a body that it drove would have any speed soon.
+fn braking(drag_per_m: f64, deviation: Matrix3<f64>) -> Matrix3<f64> {
+    let drag = Matrix3::from_diagonal_element(drag_per_m);
+    let mut along = (drag + deviation).symmetric_eigen();
+    if along.eigenvalues.iter().all(|it| (LEAST_DRAG_PER_M..=MOST_DRAG_PER_M).contains(it)) {
+        return deviation;
+    }
+    along.eigenvalues.apply(|it| *it = it.clamp(LEAST_DRAG_PER_M, MOST_DRAG_PER_M));
+    along.recompose() - drag
 }
 
 /// Information on a pose's position alone, whatever its orientation.

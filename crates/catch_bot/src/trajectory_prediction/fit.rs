@@ -14,7 +14,7 @@ use catch_body::Pose;
 use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
 
 use super::{
-    AerodynamicForces, Config, FlightTrajectory, LocalFlight, PredictionStatus,
+    AerodynamicForces, Config, FlightTrajectory, PredictionStatus,
     correlated_error::CorrelatedSums,
     flight::Motion,
     ransac::{is_finite, reach_m},
@@ -32,8 +32,10 @@ const STEP_SD: f64 = 0.05;
 /// Within this many standard deviations the flight is as good as linear in its parameters.
 const LINEAR_SD: f64 = 0.5;
 
-/// Iterations at most.
+/// Iterations at most. A fit that has not come to rest by then counts if its poses err by no more than so
+/// many times what they say.
 const MAX_ITERATIONS: usize = 10;
+const MOST_SCALE: f64 = 10.0;
 
 /// Buffers of the fit.
 #[derive(Debug, Clone, Default)]
@@ -57,19 +59,6 @@ pub(super) fn fit(
     if !newest_s.is_finite() {
         return Err(PredictionStatus::TooFewPoses);
     }
-    let LocalFlight { X_WO, V_WO, .. } = start.local_flight_at(newest_s);
-    let mut state = State {
-        p: X_WO.translation.vector,
-        v: V_WO.linear,
-        drag_per_m: start.drag_per_m,
-        R_WO: X_WO.rotation,
-        w: V_WO.angular,
-        decay_per_s: if config.aerodynamics.spin_decay_sd_per_s > 0.0 {
-            start.spin_decay_per_s
-        } else {
-            config.aerodynamics.spin_decay_per_s
-        },
-    };
     let freedom = match symmetry {
         Symmetry::Finite { .. } => 6.0,
         Symmetry::Axis { .. } => 5.0,
@@ -77,65 +66,14 @@ pub(super) fn fit(
     };
     let (inertia, forces) = (tumbling::inertia_per_kg(symmetry), start.forces);
     let problem = Problem { poses, newest_s, symmetry, inertia, forces, freedom, config };
-
-    // The poses near the start are taken for the good ones; how far the nearer half of as many is off sets
-    // the scale.
-    let near_start = problem.linearize(&state, poses.len(), scratch);
-    let good = near_start.max(2);
-    let mut scale = problem.typical_error(good, scratch).max(1.0);
-    let mut agreeing = near_start;
-    let mut converged = false;
-    for _ in 0..MAX_ITERATIONS {
-        let sums = problem.sums::<N>(scale, scale, None, scratch);
-        let (information, gradient) = problem.with_priors(&sums, &state, scale);
-        let step = -solved(&information, &gradient, problem.turns(), config).ok_or(PredictionStatus::NotConverged)?;
-        if !step.iter().all(|value| value.is_finite()) {
-            return Err(PredictionStatus::NotConverged);
-        }
-        let step_sd = step.dot(&(information * step)).sqrt();
-        let before = state;
-        state = state.moved(&step, config);
-        agreeing = if step_sd < LINEAR_SD {
-            problem.advance(&state.since(&before), config.considered.window, scratch)
-        } else {
-            problem.linearize(&state, config.considered.window, scratch)
-        };
-        let shrunk = problem.typical_error(good, scratch).clamp(0.3, scale.max(1.0));
-        converged = step_sd < STEP_SD && shrunk > 0.7 * scale;
-        scale = shrunk;
-        if converged {
-            break;
-        }
-    }
-    if !converged && scale > 10.0 {
-        return Err(PredictionStatus::NotConverged);
-    }
+    let (state, scale, agreeing) = problem.minimized(State::of(start, newest_s, config), scratch)?;
     let concluded = if problem.turns() {
         problem.conclude::<N>(&state, scale, scratch)
     } else {
         problem.conclude::<TURN>(&state, scale, scratch)
     };
-    let Conclusion { covariance, error_scale, inliers } = concluded.ok_or(PredictionStatus::NotConverged)?;
-    let flight = FlightTrajectory {
-        time_s: newest_s,
-        p_WOcm: Point3::from(state.p),
-        v_WOcm: state.v,
-        R_WO: state.R_WO,
-        w_WO: state.w,
-        drag_per_m: state.drag_per_m,
-        spin_decay_per_s: state.decay_per_s,
-        inertia_per_kg: problem.inertia,
-        covariance: covariance.fixed_view::<7, 7>(0, 0).into_owned(),
-        rotation_covariance: covariance.fixed_view::<6, 6>(TURN, TURN).into_owned(),
-        systematic_sd_m: config.systematic_sd_m,
-        process_noise: config.process_noise,
-        forces: problem.forces,
-        inliers,
-        considered: poses.len(),
-        error_scale,
-        ..FlightTrajectory::default()
-    };
-    Ok((flight, agreeing))
+    let conclusion = concluded.ok_or(PredictionStatus::NotConverged)?;
+    Ok((problem.flight(&state, &conclusion), agreeing))
 }
 
 struct Problem<'a> {
@@ -160,6 +98,65 @@ impl Problem<'_> {
     /// Whether orientations are seen.
     fn turns(&self) -> bool {
         !matches!(self.symmetry, Symmetry::Sphere)
+    }
+
+    /// The state at the minimum, the scale of the errors, and how many of the newest poses agree with it.
+    ///
+    /// The poses near the start are taken for the good ones; how far the nearer half of as many is off sets
+    /// the scale.
+    fn minimized(&self, start: State, scratch: &mut Scratch) -> Result<(State, f64, usize), PredictionStatus> {
+        let config = self.config;
+        let mut state = start;
+        let near_start = self.linearize(&state, self.poses.len(), scratch);
+        let good = near_start.max(2);
+        let mut scale = self.typical_error(good, scratch).max(1.0);
+        let mut agreeing = near_start;
+        for _ in 0..MAX_ITERATIONS {
+            let sums = self.sums::<N>(scale, scale, None, scratch);
+            let (information, gradient) = self.with_priors(&sums, &state, scale);
+            let step = -solved(&information, &gradient, self.turns(), config).ok_or(PredictionStatus::NotConverged)?;
+            if !step.iter().all(|value| value.is_finite()) {
+                return Err(PredictionStatus::NotConverged);
+            }
+            let step_sd = step.dot(&(information * step)).sqrt();
+            let before = state;
+            state = state.moved(&step, config);
+            agreeing = if step_sd < LINEAR_SD {
+                self.advance(&state.since(&before), config.considered.window, scratch)
+            } else {
+                self.linearize(&state, config.considered.window, scratch)
+            };
+            let shrunk = self.typical_error(good, scratch).clamp(0.3, scale.max(1.0));
+            let converged = step_sd < STEP_SD && shrunk > 0.7 * scale;
+            scale = shrunk;
+            if converged {
+                return Ok((state, scale, agreeing));
+            }
+        }
+        if scale > MOST_SCALE { Err(PredictionStatus::NotConverged) } else { Ok((state, scale, agreeing)) }
+    }
+
+    fn flight(&self, state: &State, conclusion: &Conclusion) -> FlightTrajectory {
+        let Conclusion { covariance, error_scale, inliers } = conclusion;
+        FlightTrajectory {
+            time_s: self.newest_s,
+            p_WOcm: Point3::from(state.p),
+            v_WOcm: state.v,
+            R_WO: state.R_WO,
+            w_WO: state.w,
+            drag_per_m: state.drag_per_m,
+            spin_decay_per_s: state.decay_per_s,
+            inertia_per_kg: self.inertia,
+            covariance: covariance.fixed_view::<7, 7>(0, 0).into_owned(),
+            rotation_covariance: covariance.fixed_view::<6, 6>(TURN, TURN).into_owned(),
+            systematic_sd_m: self.config.systematic_sd_m,
+            process_noise: self.config.process_noise,
+            forces: self.forces,
+            inliers: *inliers,
+            considered: self.poses.len(),
+            error_scale: *error_scale,
+            ..FlightTrajectory::default()
+        }
     }
 
     /// Flies from the newest pose to the oldest and notes how the flight stands to each. Returns how many of

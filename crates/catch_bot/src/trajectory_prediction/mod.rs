@@ -251,12 +251,13 @@ impl InformationFit {
             return Ok(known.clone());
         }
         // A fit that has gone astray stays so, however good the poses are by now.
-        let anew = ransac::best_flight(window, symmetry, Sampling::OURS, config, *seed, sampling).and_then(|start| {
-            if !enough(start.inliers) {
-                return Err(PredictionStatus::NoAgreement);
-            }
-            fit::fit(fitted, &start, symmetry, config, fitting).map(|(flight, _)| flight)
-        });
+        let anew = ransac::best_flight(window, symmetry, Sampling { seed: *seed, ..Sampling::OURS }, config, sampling)
+            .and_then(|start| {
+                if !enough(start.inliers) {
+                    return Err(PredictionStatus::NoAgreement);
+                }
+                fit::fit(fitted, &start, symmetry, config, fitting).map(|(flight, _)| flight)
+            });
         match (known, anew) {
             (Some(known), Ok(anew)) if anew.error_scale > MUCH_BETTER * known.error_scale => Ok(known),
             (Some(known), Err(_)) => Ok(known),
@@ -292,6 +293,9 @@ impl FlightPredictor for InformationFit {
     }
 }
 
+/// What the drag constant can be found to be, in 1/m. Air brakes: what is below zero is noise.
+const LEAST_DRAG_PER_M: f64 = -0.02;
+const MOST_DRAG_PER_M: f64 = 1.0;
 /// A fit is much better than another if its errors are less than this fraction.
 const MUCH_BETTER: f64 = 0.8;
 /// A flight that fewer than this fraction of the newest poses agree with is given up, and searched for anew.

@@ -44,6 +44,8 @@ pub struct Sampling {
     pub ties: TieBreak,
     /// Two-pose flights that are sampled at most, [`SAMPLES`] at least.
     pub most: usize,
+    /// Of the generator that draws them.
+    pub seed: u64,
 }
 
 /// Two-pose flights that are sampled at least (paper, III-B).
@@ -54,7 +56,7 @@ const INLIER_RAD: f64 = 0.1;
 impl Sampling {
     /// With 40 % outliers one start in 7,000 sees no good pair in 20 samples, so sampling goes on until a
     /// better pair can hardly have been missed.
-    pub const OURS: Self = Self { rotation: Rotation::Free, ties: TieBreak::MeanSquare, most: 500 };
+    pub const OURS: Self = Self { rotation: Rotation::Free, ties: TieBreak::MeanSquare, most: 500, seed: 0 };
 }
 
 /// The sampled flight that most poses agree with and, of several, the one they lie closest to.
@@ -64,9 +66,8 @@ impl Sampling {
 pub fn best_flight(
     poses: &[ObjectPose],
     symmetry: &Symmetry,
-    Sampling { rotation, ties, most }: Sampling,
+    Sampling { rotation, ties, most, seed }: Sampling,
     config: &Config,
-    seed: u64,
     scratch: &mut Scratch,
 ) -> Result<FlightTrajectory, PredictionStatus> {
     if poses.len() < 2 {

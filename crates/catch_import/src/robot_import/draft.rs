@@ -231,6 +231,13 @@ impl Draft {
             list(&self.comfortable_rad),
             list(&self.ready_rad),
         );
+        self.write_joints(&mut text);
+        self.write_inertias(&mut text);
+        self.write_collision(&mut text);
+        text
+    }
+
+    fn write_joints(&self, text: &mut String) {
         for (joint, values) in self.chain.joints.iter().zip(&self.joints) {
             let _ = writeln!(text, "[joints.{}]", key(&joint.joint.name));
             let mut line = |name: &str, value: String, assumed: Option<&String>| {
@@ -257,6 +264,9 @@ impl Draft {
             }
             text.push('\n');
         }
+    }
+
+    fn write_inertias(&self, text: &mut String) {
         for (joint, inertia) in self.chain.joints.iter().zip(&self.inertias) {
             let Inertia { mass, com, about_com: it } = &inertia.value;
             if inertia.assumed.is_some() {
@@ -271,6 +281,9 @@ impl Draft {
                 );
             }
         }
+    }
+
+    fn write_collision(&self, text: &mut String) {
         let _ = write!(
             text,
             "# The arm's outline: capsules in the frames of their links, which hold the shapes of the description. They serve\n\
@@ -292,7 +305,6 @@ impl Draft {
                 );
             }
         }
-        text
     }
 }
 

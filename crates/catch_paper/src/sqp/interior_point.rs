@@ -104,7 +104,7 @@ impl Program {
             // Predictor: straight for the optimum. Corrector: toward the centre, as far as the predictor fell
             // short, and with the predictor's second-order error.
             let products: Vec<f64> = s.iter().zip(&z).map(|(s, z)| s * z).collect();
-            let step = |r_gap: &[f64]| self.step(&factor, &r_dual, &r_primal, r_gap, &s, &z);
+            let step = |r_gap: &[f64]| self.step(&factor, (&r_dual, &r_primal, r_gap), &s, &z);
             let (_, ds, dz) = step(&products);
             let (by_s, by_z) = (longest(&s, &ds), longest(&z, &dz));
             let ahead = s.iter().zip(&ds).zip(z.iter().zip(&dz));
@@ -131,9 +131,7 @@ impl Program {
     fn step(
         &self,
         factor: &Cholesky<f64, nalgebra::Dyn>,
-        r_dual: &DVector<f64>,
-        r_primal: &[f64],
-        r_gap: &[f64],
+        (r_dual, r_primal, r_gap): (&DVector<f64>, &[f64], &[f64]),
         s: &[f64],
         z: &[f64],
     ) -> (DVector<f64>, Vec<f64>, Vec<f64>) {

@@ -2,7 +2,7 @@
 
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 
-use super::super::Config;
+use super::super::{Config, FlightTrajectory, LEAST_DRAG_PER_M, LocalFlight, MOST_DRAG_PER_M};
 
 /// Number of parameters: position, velocity, drag constant, orientation, angular velocity, decay of the spin.
 pub const N: usize = 14;
@@ -28,12 +28,26 @@ pub struct State {
 }
 
 impl State {
+    /// That of a flight; a decay of the spin that is known is not taken from it.
+    pub fn of(flight: &FlightTrajectory, time_s: f64, config: &Config) -> Self {
+        let LocalFlight { X_WO, V_WO, .. } = flight.local_flight_at(time_s);
+        let decays = config.aerodynamics.spin_decay_sd_per_s > 0.0;
+        Self {
+            p: X_WO.translation.vector,
+            v: V_WO.linear,
+            drag_per_m: flight.drag_per_m,
+            R_WO: X_WO.rotation,
+            w: V_WO.angular,
+            decay_per_s: if decays { flight.spin_decay_per_s } else { config.aerodynamics.spin_decay_per_s },
+        }
+    }
+
     /// After a step.
     pub fn moved(&self, step: &SVector<f64, N>, config: &Config) -> Self {
         let turn = step.fixed_rows::<3>(TURN).into_owned();
         // Drag never accelerates; half the prior's width below zero is left to noise. One that is known stays
         // as it is.
-        let least = -0.5 * config.drag_sd_per_m();
+        let least = (-0.5 * config.drag_sd_per_m()).max(LEAST_DRAG_PER_M);
         let drag_step = if config.drag_sd_per_m() > 0.0 { step[DRAG] } else { 0.0 };
         // Nor does air speed up a spin.
         let (expected, decay_sd) = (config.aerodynamics.spin_decay_per_s, config.aerodynamics.spin_decay_sd_per_s);
@@ -41,7 +55,7 @@ impl State {
         Self {
             p: self.p + step.fixed_rows::<3>(0),
             v: self.v + step.fixed_rows::<3>(3),
-            drag_per_m: (self.drag_per_m + drag_step).clamp(least.min(config.drag_per_m()), 1.0),
+            drag_per_m: (self.drag_per_m + drag_step).clamp(least.min(config.drag_per_m()), MOST_DRAG_PER_M),
             R_WO: UnitQuaternion::from_scaled_axis(turn * (0.5 / turn.norm()).min(1.0)) * self.R_WO,
             w: self.w + step.fixed_rows::<3>(SPIN),
             decay_per_s: (self.decay_per_s + decay_step)

@@ -48,9 +48,8 @@ impl Knowledge<'_> {
     /// # Panics
     /// If settings were changed in code to values out of their ranges.
     pub(crate) fn preparation(&self, config: &BrainSettings, cameras: Vec<CameraModel>) -> Preparation {
-        let (robot, reach_map) = (self.robot.clone(), reach_map::of(self.robot));
-        let prepared =
-            Preparation::new(config.config(), robot, self.gripper.clone(), cameras, &self.object.scan, reach_map);
+        let robot = (self.robot.clone(), reach_map::of(self.robot));
+        let prepared = Preparation::new(config.config(), robot, self.gripper.clone(), cameras, &self.object.scan);
         prepared.expect(CHECKED)
     }
 }
