@@ -300,8 +300,8 @@ impl World {
         let masses = Masses {
             machine: &self.machine,
             posture,
-            object_kg: free.mass_kg,
-            inverse_inertia_W: free.inverse_inertia_along(&X_WC.rotation),
+            root_kg: free.mass_kg.sqrt(),
+            roots_W: free.roots_along(&X_WC.rotation),
             p_WC: X_WC.translation.vector,
         };
         let mut contacts = Contacts::new(&masses, met, (friction, stiffness_npm), part_s);
@@ -315,7 +315,7 @@ impl World {
             momentum += loads.object_torque_nm * part_s;
             now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
             let unpushed = now.angular;
-            contacts.advance(&mut now, |now| {
+            contacts.advance(&masses, &mut now, |now| {
                 positions += now.machine * part_s;
                 X_WC.translation.vector += now.linear * part_s;
                 X_WC.rotation = UnitQuaternion::from_scaled_axis(now.angular * part_s) * X_WC.rotation;
@@ -329,7 +329,7 @@ impl World {
         if of_object().any(|it| it.pushed_ns() > 0.0) {
             of_object().for_each(|it| impulses.add(it.touch.part, it.pushed_ns()));
             let unpushed = now.angular;
-            restitution::let_rebound(of_object(), restitution, &before, &mut now, impulses);
+            restitution::let_rebound(&masses, of_object(), restitution, (&before, &mut now), impulses);
             momentum += free.momentum(&q_WC, &(now.angular - unpushed));
             now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
             (self.object.X_WC, self.object.V_WC) = (X_WC, Twist { angular: now.angular, linear: now.linear });

@@ -365,3 +365,22 @@ fn of_position(pose: &ObjectPose) -> Matrix3<f64> {
     let seen = turns + Matrix3::identity() * (1e-6 * turns.trace() + 1e-12);
     seen.cholesky().map_or(shifts, |factor| shifts - mixed.transpose() * factor.solve(&mixed))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever was found, a flight loses energy to the air, but for what noise may be.
+    #[test]
+    fn air_brakes_in_all_directions() {
+        for deviation in [Vector3::new(-10.0, 4.0, 6.0), Vector3::new(0.5, -0.1, -0.4), Vector3::new(3.0, 3.0, -6.0)] {
+            let axes = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.7, 0.5)).to_rotation_matrix();
+            let found = axes * Matrix3::from_diagonal(&deviation) * axes.inverse();
+            let drag = Matrix3::identity() * 0.02 + braking(0.02, found.into());
+            let along = drag.symmetric_eigenvalues();
+            assert!(along.min() > LEAST_DRAG_PER_M - 1e-9 && along.max() < MOST_DRAG_PER_M + 1e-9, "{along}");
+        }
+        let plausible = Matrix3::from_diagonal(&Vector3::new(0.01, -0.02, 0.01));
+        assert_eq!(braking(0.02, plausible), plausible);
+    }
+}

@@ -36,31 +36,50 @@ pub(super) struct Velocities {
 pub(super) struct Masses<'a> {
     pub machine: &'a Machine,
     pub posture: &'a Posture,
-    pub object_kg: f64,
-    /// Inverse of the object's inertia about its centre of mass, in W.
-    pub inverse_inertia_W: Matrix3<f64>,
+    /// Square root of the object's mass; W with W·Wᵀ its inertia about its centre of mass in W, and W⁻¹.
+    pub root_kg: f64,
+    pub roots_W: [Matrix3<f64>; 2],
     pub p_WC: Vector3<f64>,
 }
 
-/// Velocity of one point relative to another along a direction, as a function of all velocities, and how a
-/// unit impulse along it changes these.
+impl Masses<'_> {
+    /// Velocities in mass-weighted coordinates, w = Lᵀ·v with M = L·Lᵀ. In them a row J of velocities is
+    /// J·L⁻ᵀ, and the change by a unit impulse along it, M⁻¹·Jᵀ, is the row itself.
+    pub fn weighted(&self, velocities: &Velocities) -> Velocities {
+        Velocities {
+            machine: self.posture.factor.l().tr_mul(&velocities.machine),
+            linear: velocities.linear * self.root_kg,
+            angular: self.roots_W[0].tr_mul(&velocities.angular),
+        }
+    }
+
+    /// The reverse.
+    pub fn unweighted(&self, weighted: &Velocities) -> Velocities {
+        Velocities {
+            machine: self.posture.factor.l_dirty().tr_solve_lower_triangular_unchecked(&weighted.machine),
+            linear: weighted.linear / self.root_kg,
+            angular: self.roots_W[1].tr_mul(&weighted.angular),
+        }
+    }
+}
+
+/// Velocity of one point relative to another along a direction, as a function of all velocities.
 #[derive(Debug, Clone)]
 pub(super) struct Row {
-    of: Velocities,
-    answer: Velocities,
+    weighted: Velocities,
     /// Change of the relative velocity by a unit impulse: one over the effective mass.
     pub mobility_per_kg: f64,
 }
 
 impl Row {
-    fn new(masses: &Masses, of: Velocities) -> Self {
-        let answer = Velocities {
-            machine: masses.posture.answer(&of.machine),
-            linear: of.linear / masses.object_kg,
-            angular: masses.inverse_inertia_W * of.angular,
+    fn new(masses: &Masses, of: &Velocities) -> Self {
+        let weighted = Velocities {
+            machine: masses.posture.factor.l_dirty().solve_lower_triangular_unchecked(&of.machine),
+            linear: of.linear / masses.root_kg,
+            angular: masses.roots_W[1] * of.angular,
         };
-        let mut row = Self { of, answer, mobility_per_kg: 0.0 };
-        row.mobility_per_kg = row.velocity(&answer);
+        let mut row = Self { weighted, mobility_per_kg: 0.0 };
+        row.mobility_per_kg = row.velocity(&weighted);
         row
     }
 
@@ -83,21 +102,22 @@ impl Row {
                     }
                 }
             }
-            Self::new(masses, of)
+            Self::new(masses, &of)
         })
     }
 
-    /// The relative velocity.
-    pub fn velocity(&self, velocities: &Velocities) -> f64 {
-        let Velocities { machine, linear, angular } = velocities;
-        self.of.machine.dot(machine) + self.of.linear.dot(linear) + self.of.angular.dot(angular)
+    /// The relative velocity at mass-weighted velocities.
+    pub fn velocity(&self, weighted: &Velocities) -> f64 {
+        let Velocities { machine, linear, angular } = &self.weighted;
+        machine.dot(&weighted.machine) + linear.dot(&weighted.linear) + angular.dot(&weighted.angular)
     }
 
-    /// Changes the velocities by an impulse along the row.
-    pub fn push(&self, velocities: &mut Velocities, impulse_ns: f64) {
-        velocities.machine.axpy(impulse_ns, &self.answer.machine, 1.0);
-        velocities.linear += self.answer.linear * impulse_ns;
-        velocities.angular += self.answer.angular * impulse_ns;
+    /// Changes these by an impulse along the row.
+    pub fn push(&self, weighted: &mut Velocities, impulse_ns: f64) {
+        let Velocities { machine, linear, angular } = &self.weighted;
+        weighted.machine += machine * impulse_ns;
+        weighted.linear += linear * impulse_ns;
+        weighted.angular += angular * impulse_ns;
     }
 }
 
@@ -237,12 +257,12 @@ impl Contacts {
         (friction, stiffness_npm): (f64, Option<f64>),
         step_s: f64,
     ) -> Self {
-        let rows: Vec<[Row; 3]> = touches.iter().map(|it| Row::at(masses, it)).collect();
         let hard = Spring::new(HARD_HZ, step_s);
         // A part that presses at several points divides the stiffness among them.
         let points_of_part = |touch: &Touch| touches.iter().filter(|it| it.part == touch.part).count() as f64;
         let points_of_parts: Vec<f64> = touches.iter().map(points_of_part).collect();
-        let contact = |((touch, [row, one, other]), points): ((Touch, [Row; 3]), f64)| {
+        let contact = |(touch, points): (Touch, f64)| {
+            let [row, one, other] = Row::at(masses, &touch);
             let is_soft = stiffness_npm.is_some() && touch.pushed == Body::Object;
             let spring = stiffness_npm.filter(|_| is_soft).map_or(hard, |stiffness_npm| {
                 let frequency_hz = (stiffness_npm / points * row.mobility_per_kg).sqrt() / std::f64::consts::TAU;
@@ -256,32 +276,34 @@ impl Contacts {
                 touch,
             }
         };
-        let contacts = touches.into_iter().zip(rows).zip(points_of_parts).map(contact).collect();
+        let contacts = touches.into_iter().zip(points_of_parts).map(contact).collect();
         let stop = |&Stop { coordinate, free, gap_m }: &Stop| {
             let machine = Coordinates::ith(coordinate, free);
             let of = Velocities { machine, linear: Vector3::zeros(), angular: Vector3::zeros() };
-            Unilateral::new(Row::new(masses, of), gap_m, hard, false, 0.0)
+            Unilateral::new(Row::new(masses, &of), gap_m, hard, false, 0.0)
         };
         Self { contacts, stops: stops.iter().map(stop).collect(), friction, step_s }
     }
 
     /// One solver's step: `moved` takes what moves along with the velocities.
-    pub fn advance(&mut self, velocities: &mut Velocities, moved: impl FnOnce(&Velocities)) {
+    pub fn advance(&mut self, masses: &Masses, velocities: &mut Velocities, moved: impl FnOnce(&Velocities)) {
+        let weighted = &mut masses.weighted(velocities);
         for contact in &self.contacts {
-            contact.normal.row.push(velocities, contact.normal.impulse_ns);
+            contact.normal.row.push(weighted, contact.normal.impulse_ns);
             for (row, impulse_ns) in contact.friction.iter().zip(contact.friction_ns) {
-                row.push(velocities, impulse_ns);
+                row.push(weighted, impulse_ns);
             }
         }
-        self.stops.iter().for_each(|it| it.row.push(velocities, it.impulse_ns));
+        self.stops.iter().for_each(|it| it.row.push(weighted, it.impulse_ns));
         self.unilaterals().for_each(|it| it.meets = it.gap_m > 0.0 && it.impulse_ns == 0.0);
-        self.sweep(velocities, Unilateral::press);
-        moved(velocities);
+        self.sweep(weighted, Unilateral::press);
+        moved(&masses.unweighted(weighted));
         let step_s = self.step_s;
         for it in self.unilaterals() {
-            it.gap_m += it.row.velocity(velocities) * step_s;
+            it.gap_m += it.row.velocity(weighted) * step_s;
         }
-        self.sweep(velocities, Unilateral::relax);
+        self.sweep(weighted, Unilateral::relax);
+        *velocities = masses.unweighted(weighted);
         for it in self.unilaterals() {
             it.total_ns += it.impulse_ns;
         }

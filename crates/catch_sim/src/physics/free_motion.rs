@@ -21,13 +21,18 @@ pub(crate) struct FreeBody {
     /// Inertia about the centre of mass, along the axes of O, and its inverse.
     pub inertia_kgm2: Matrix3<f64>,
     inverse_inertia: Matrix3<f64>,
+    /// L with L·Lᵀ that inertia, and L⁻¹.
+    roots: [Matrix3<f64>; 2],
 }
 
 impl FreeBody {
     /// An object.
     pub fn of(object: &ThrownObject) -> Self {
-        let inverse_inertia = object.inertia_kgm2.try_inverse().expect("an object's inertia is positive definite");
-        Self { mass_kg: object.mass_kg, inertia_kgm2: object.inertia_kgm2, inverse_inertia }
+        let inertia_kgm2 = object.inertia_kgm2;
+        let root = inertia_kgm2.cholesky().map(|factor| factor.l());
+        let inverses = root.and_then(|root| Some((inertia_kgm2.try_inverse()?, [root, root.try_inverse()?])));
+        let (inverse_inertia, roots) = inverses.expect("an object's inertia is positive definite");
+        Self { mass_kg: object.mass_kg, inertia_kgm2, inverse_inertia, roots }
     }
 
     /// Pose and velocity after `duration_s`, under constant gravity, force and torque in W; the force acts on
@@ -70,10 +75,10 @@ impl FreeBody {
         (q_WO, angular)
     }
 
-    /// Inverse of the inertia along the axes of W.
-    pub fn inverse_inertia_along(&self, q_WO: &UnitQuaternion<f64>) -> Matrix3<f64> {
+    /// A square root W of the inertia in W, W·Wᵀ, and its inverse.
+    pub fn roots_along(&self, q_WO: &UnitQuaternion<f64>) -> [Matrix3<f64>; 2] {
         let R_WO = q_WO.to_rotation_matrix();
-        R_WO * self.inverse_inertia * R_WO.transpose()
+        [R_WO * self.roots[0], self.roots[1] * R_WO.transpose()]
     }
 
     /// Angular momentum in W.

@@ -62,7 +62,7 @@ pub(super) struct Posture {
     motions: [Spatial; COORDINATES],
     inertias: [SpatialInertia; COORDINATES],
     /// Factor of the mass matrix.
-    factor: Factor,
+    pub factor: Factor,
 }
 
 impl Machine {

@@ -11,7 +11,7 @@
 
 use super::{
     Impulses,
-    contacts::{Contact, Velocities},
+    contacts::{Contact, Masses, Velocities},
 };
 
 /// Most sweeps; a ball between two fingers needs some twenty.
@@ -31,34 +31,40 @@ struct Rebound<'a> {
 /// Makes the velocities after a step those of Newton's law at all points that have begun to push in it.
 /// The impulses that this adds are counted.
 pub(super) fn let_rebound<'a>(
+    masses: &Masses,
     contacts: impl Iterator<Item = &'a Contact>,
     restitution: f64,
-    before: &Velocities,
-    velocities: &mut Velocities,
+    (before, velocities): (&Velocities, &mut Velocities),
     impulses: &mut Impulses,
 ) {
+    let before = masses.weighted(before);
     let new = contacts.filter(|contact| contact.is_new());
     let mut rebounds: Vec<Rebound> = new
         .map(|contact| {
-            let wanted_mps = -restitution * contact.row().velocity(before);
+            let wanted_mps = -restitution * contact.row().velocity(&before);
             Rebound { contact, wanted_mps, impulse_ns: contact.pushed_ns() }
         })
         .filter(|rebound| rebound.wanted_mps > 0.0)
         .collect();
+    if rebounds.is_empty() {
+        return;
+    }
+    let mut weighted = masses.weighted(velocities);
     for _ in 0..MOST_SWEEPS {
         let mut largest_mps = 0.0f64;
         for Rebound { contact, wanted_mps, impulse_ns } in &mut rebounds {
             let row = contact.row();
-            let missing_ns = (*wanted_mps - row.velocity(velocities)) / row.mobility_per_kg;
+            let missing_ns = (*wanted_mps - row.velocity(&weighted)) / row.mobility_per_kg;
             let change_ns = (*impulse_ns + missing_ns).max(0.0) - *impulse_ns;
             *impulse_ns += change_ns;
-            row.push(velocities, change_ns);
+            row.push(&mut weighted, change_ns);
             largest_mps = largest_mps.max((change_ns * row.mobility_per_kg).abs());
         }
         if largest_mps < SAME_MPS {
             break;
         }
     }
+    *velocities = masses.unweighted(&weighted);
     for Rebound { contact, impulse_ns, .. } in &rebounds {
         impulses.add(contact.touch.part, impulse_ns - contact.pushed_ns());
     }
