@@ -171,17 +171,15 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let evaluation = evaluation(arguments)?;
     let is_told = !(arguments.json || arguments.markdown);
     let calibration = calibrate::before_throws(&evaluation.cells[0].setup, arguments.seed, is_told)?;
-    let Done { rows, timed, stopwatch } = complete(&evaluation, folder, arguments.into(), "trials")?;
+    let pace = Pace::from(arguments);
+    let done = complete(&evaluation, folder, pace, "trials")?;
+    let Done { rows, timed, stopwatch } = &done;
 
     let wall_s = started.elapsed().as_secs_f64();
     let identity = evaluation.identity();
-    let cells = identity.summarize(&rows);
-    let times = Times {
-        wall_s,
-        threads: Pace::from(arguments).threads,
-        trials: timed,
-        stages: stopwatch.summary().into_iter().collect(),
-    };
+    let cells = identity.summarize(rows);
+    let times =
+        Times { wall_s, threads: pace.threads, trials: *timed, stages: stopwatch.summary().into_iter().collect() };
     // Where nothing was left to run, the times of the run that did it all stay, and so does the report that
     // shows them.
     let is_new = times.trials > 0 || !folder.join(TIMES_FILE).exists();
@@ -190,16 +188,16 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         whole_file::write(&folder.join(TIMES_FILE), text)?;
     }
     if is_new || arguments.plots {
-        write_report(&evaluation, &rows, &stopwatch, (MOST_MISSES, arguments.plots), folder)?;
+        write_report(&evaluation, &done, (MOST_MISSES, pace.threads), arguments.plots, folder)?;
     }
     if arguments.markdown {
         screen::text(&summary_table::markdown(&identity, &cells))?;
         return Ok(screen::text(&format!("\n{}", summary_table::times_markdown(stopwatch.summary())))?);
     }
     if !arguments.json {
-        return Ok(print(&cells, &times, &stopwatch, folder)?);
+        return Ok(print(&cells, &times, stopwatch, folder)?);
     }
-    let outcome = Outcome::new(&identity, &cells, &rows, folder);
+    let outcome = Outcome::new(&identity, &cells, rows, folder);
     screen::json(&Document { outcome, calibration, wall_s, stages: times.stages })
 }
 
@@ -276,13 +274,14 @@ impl From<&EvalArguments> for Pace {
 /// Files that cannot be written.
 pub fn write_report(
     evaluation: &Evaluation,
-    rows: &[Row],
-    stopwatch: &Stopwatch,
-    (most_misses, plots): (usize, bool),
+    done: &Done,
+    (most_misses, threads): (usize, usize),
+    plots: bool,
     folder: &Path,
 ) -> anyhow::Result<()> {
+    let Done { rows, stopwatch, .. } = done;
     let written = || format!("the report in {}", folder.display());
-    let pages = report_page::record_misses(evaluation, rows, most_misses, folder).with_context(written)?;
+    let pages = report_page::record_misses(evaluation, rows, (most_misses, threads), folder).with_context(written)?;
     let scenario = &evaluation.cells[0].setup.scenario.name;
     let cells = &evaluation.identity().summarize(rows);
     let report = Report { scenario, seed: evaluation.seed, cells, rows, stopwatch, pages: &pages };

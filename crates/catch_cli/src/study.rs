@@ -25,7 +25,7 @@ use catch_view::{
 };
 use serde::Serialize;
 
-use super::eval::{self, EvalArguments};
+use super::eval::{self, EvalArguments, Pace};
 use crate::screen::{self, FAINT, STRONG};
 
 /// The JSON document.
@@ -78,9 +78,10 @@ fn summary_of(
     let trials = arguments.trials.div_ceil(step.throws.len() as u64);
     let evaluation = Evaluation { cells, seed: arguments.seed, first: arguments.first, trials };
     let folder = out.join(&step.head.name);
-    let done = eval::complete(&evaluation, &folder, arguments.into(), &step.head.name)
-        .with_context(|| folder.display().to_string())?;
-    eval::write_report(&evaluation, &done.rows, &done.stopwatch, (MOST_MISSES_OF_A_STEP, arguments.plots), &folder)?;
+    let pace = Pace::from(arguments);
+    let done =
+        eval::complete(&evaluation, &folder, pace, &step.head.name).with_context(|| folder.display().to_string())?;
+    eval::write_report(&evaluation, &done, (MOST_MISSES_OF_A_STEP, pace.threads), arguments.plots, &folder)?;
     Ok(StepSummary::of(&step.head, study.file.throw_grid.as_ref(), &evaluation.identity(), &done.rows))
 }
 

@@ -4,6 +4,7 @@
 use anyhow::{Context, Result};
 use catch_lab::{
     evaluation::published::published_rates,
+    parallel,
     referee::{self, Measures, Verdict},
     scenario::setup::{Choice, Setup},
     statistics::{paired95, wilson95},
@@ -15,7 +16,7 @@ use catch_sim::Throw;
 use serde::Deserialize;
 
 use crate::{
-    Findings, Options, parallel,
+    Findings, Options,
     results::{Entry, Table},
     spread::quantiles,
 };

@@ -7,15 +7,18 @@ use anyhow::Result;
 use catch_body::{Pose, Robot};
 use catch_calibration::{CalibrationStatus, CameraCalibration, calibrate};
 use catch_cell::{CameraModel, DepthFrame};
-use catch_lab::scenario::setup::{
-    Choice, Setup,
-    calibration::{self, ArenaSession},
+use catch_lab::{
+    parallel,
+    scenario::setup::{
+        Choice, Setup,
+        calibration::{self, ArenaSession},
+    },
 };
 use catch_sim::random_streams::{Draws, Stream};
 use nalgebra::{UnitQuaternion, Vector6};
 
 use crate::{
-    Findings, Options, parallel,
+    Findings, Options,
     results::{Entry, Table},
     spread::{median, percent, quantiles},
 };

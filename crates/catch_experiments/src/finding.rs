@@ -4,6 +4,7 @@ use anyhow::Result;
 use catch_cell::{Brain, CameraModel, Cell};
 use catch_lab::{
     assets::Kind,
+    parallel,
     scenario::setup::{Setup, calibration::true_cameras},
 };
 use catch_sim::{Arena, Release, TruthSample};
@@ -12,7 +13,6 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use crate::{
     Findings, Options,
     near_rates::{rigs, setup},
-    parallel,
     results::{Entry, Table},
     spread::{percent, quantiles},
 };

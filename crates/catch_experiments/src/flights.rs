@@ -5,6 +5,7 @@ use anyhow::Result;
 use catch_cell::{Brain, Cell, Command, Observation, PixelWindow};
 use catch_lab::{
     assets::Kind,
+    parallel,
     scenario::setup::{Choice, Setup},
 };
 use catch_recording::brain::ChosenBrain;
@@ -12,7 +13,7 @@ use catch_sim::{Truth, TruthSample};
 use nalgebra::Vector3;
 
 use crate::{
-    Findings, Options, parallel,
+    Findings, Options,
     results::{Entry, Table},
     spread::{median, percent},
 };

@@ -17,7 +17,6 @@ mod logistic_regression;
 mod mistold;
 mod near_rates;
 mod objects;
-mod parallel;
 mod pushed_cameras;
 mod rates;
 mod recorded_throws;

@@ -8,7 +8,7 @@ use catch_body::TriangleMesh;
 use catch_cell::reference_scan;
 use catch_lab::{
     assets::Kind,
-    referee,
+    parallel, referee,
     scenario::setup::{Choice, Setup},
     statistics::paired95,
     trial,
@@ -16,7 +16,7 @@ use catch_lab::{
 use nalgebra::Vector3;
 
 use crate::{
-    Findings, Options, parallel,
+    Findings, Options,
     results::{Entry, Table, last_change},
     spread::percent,
 };

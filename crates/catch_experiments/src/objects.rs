@@ -13,6 +13,7 @@ use anyhow::{Context, Result, bail};
 use catch_bot::perception::Symmetry;
 use catch_import::object_import::{ImportOptions, ImportedObject};
 use catch_lab::{
+    parallel,
     referee::{self, Verdict, reason::Reason},
     scenario::setup::{Choice, Setup},
     trial::{self, Trial},
@@ -20,7 +21,7 @@ use catch_lab::{
 use serde::Deserialize;
 
 use crate::{
-    Findings, Options, parallel,
+    Findings, Options,
     rates::{self, FIGURES},
     results::{Entry, Table},
     spread::percent,

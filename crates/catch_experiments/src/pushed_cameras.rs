@@ -4,6 +4,7 @@ use anyhow::Result;
 use catch_bot::perception::CameraStatus;
 use catch_lab::{
     assets::Kind,
+    parallel,
     play::{Play, PlayRow},
     referee::faulty_cameras::FaultyCamera,
     scenario::setup::Setup,
@@ -13,7 +14,6 @@ use catch_sim::random_streams::{Draws, Stream};
 use crate::{
     Findings, Options,
     near_rates::{rigs, setup},
-    parallel,
     results::{Entry, Table},
     spread::{median, percent},
 };

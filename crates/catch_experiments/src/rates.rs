@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 use catch_lab::{
     evaluation::{Cell, Evaluation, Row},
+    parallel,
     referee::reason::Reason,
     scenario::setup::Setup,
     statistics::wilson95,
 };
 
-use crate::{Options, parallel, results::Entry, spread::percent};
+use crate::{Options, results::Entry, spread::percent};
 
 /// What is told of each condition.
 pub const FIGURES: [&str; 7] =

@@ -13,12 +13,13 @@ use catch_lab::{
         stretches::up,
         track_file,
     },
+    parallel,
     referee::true_com_O,
     scenario::setup::{Choice, Setup},
 };
 
 use crate::{
-    Findings, Options, parallel,
+    Findings, Options,
     results::{Entry, Table},
 };
 

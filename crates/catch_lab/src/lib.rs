@@ -41,7 +41,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`flights`] | recorded tracks and the flights through them, their aerodynamics, learned from throws; recorded tracks as throws |
-//! | [`assets`] | what is built in or named by a file |
+//! | [`assets`], [`parallel`] | what is built in or named by a file; work on several threads |
 //! | [`scenario`] | everything that trials share: [`scenario::setup`] reads what a scenario names |
 //! | [`trial`] | one throw: arena and brain tick by tick |
 //! | [`reachability`] | what the arm could have reached: oracle, proofs, waiting poses |
@@ -70,6 +70,7 @@ pub mod assets;
 pub mod camera_placement;
 pub mod evaluation;
 pub mod flights;
+pub mod parallel;
 pub mod planner_cases;
 pub mod play;
 pub mod png;

@@ -376,7 +376,7 @@ mod tests {
         for deviation in [Vector3::new(-10.0, 4.0, 6.0), Vector3::new(0.5, -0.1, -0.4), Vector3::new(3.0, 3.0, -6.0)] {
             let axes = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.7, 0.5)).to_rotation_matrix();
             let found = axes * Matrix3::from_diagonal(&deviation) * axes.inverse();
-            let drag = Matrix3::identity() * 0.02 + braking(0.02, found.into());
+            let drag = Matrix3::identity() * 0.02 + braking(0.02, found);
             let along = drag.symmetric_eigenvalues();
             assert!(along.min() > LEAST_DRAG_PER_M - 1e-9 && along.max() < MOST_DRAG_PER_M + 1e-9, "{along}");
         }

@@ -15,6 +15,7 @@ use catch_bot::{
     trajectory_optimization::{CatchSearch, MotionPlanner},
 };
 use catch_lab::{
+    parallel,
     referee::{self, reason::Reason},
     scenario::setup::Setup,
     trial::{self, Trial},
@@ -23,7 +24,7 @@ use catch_sim::random_streams::{Draws, Stream};
 use serde::{Deserialize, Serialize};
 
 use super::weights::{self, Terms, Weights};
-use crate::{parallel, results};
+use crate::results;
 
 /// How far off a prediction may be at the catch, and the object in the hand, before a miss is no fault of the
 /// grasp; the referee's own measure.

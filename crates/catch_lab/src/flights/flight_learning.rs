@@ -10,11 +10,11 @@ use nalgebra::Matrix3;
 
 use super::{
     flight::Flight,
-    flight_misses::{Miss, Misses, Throw, in_parallel, quantile},
+    flight_misses::{Miss, Misses, Throw, quantile},
     flight_prediction::{Known, predict, predict_near},
     flight_prior::{DRAG_AT, FlightPrior, LIFT_AT, Noise, ParameterCovariance},
 };
-use crate::statistics::median_in_place;
+use crate::{parallel, statistics::median_in_place};
 
 /// Iterations of expectation maximization.
 const ITERATIONS: usize = 3;
@@ -36,7 +36,8 @@ pub struct Studied<'a> {
 /// Fits all throws by a broad prior, or those without orientations by the most evident one of any object.
 pub fn studied(throws: &[Throw]) -> Vec<Studied<'_>> {
     let broad = Arc::new(FlightPrior::broad());
-    let fitted = in_parallel(throws, |throw| {
+    let fitted = parallel::map(throws.len(), |i| {
+        let throw = &throws[i];
         let oriented = throw.samples.iter().any(|it| it.rotation.is_some());
         let known = if oriented { Known::Prior(broad.clone()) } else { Known::Nothing };
         (throw.flights(&known, None), predict(&throw.samples, &throw.up, known).flight)
@@ -50,7 +51,8 @@ pub fn learn(throws: &[&Studied<'_>]) -> Option<FlightPrior> {
     let known = throws.iter().filter_map(|it| lesson(it.whole.as_ref()?)).collect();
     let mut prior = Arc::new(maximized(known, &broad, &broad)?);
     for _ in 1..ITERATIONS {
-        let found = in_parallel(throws, |it| {
+        let found = parallel::map(throws.len(), |i| {
+            let it = throws[i];
             let (throw, known) = (it.throw, Known::Prior(prior.clone()));
             lesson(&predict_near(&throw.samples, &throw.up, known, it.whole.as_ref()).flight?)
         });
@@ -216,7 +218,8 @@ pub fn generic(objects: &[FlightPrior]) -> Option<FlightPrior> {
 
 /// Predicted ends of throws by how much was seen.
 pub fn misses(throws: &[&Studied<'_>], prior: &Arc<FlightPrior>) -> Misses {
-    let flights = in_parallel(throws, |it| it.throw.flights(&Known::Prior(prior.clone()), Some(&it.parts)));
+    let flights =
+        parallel::map(throws.len(), |i| throws[i].throw.flights(&Known::Prior(prior.clone()), Some(&throws[i].parts)));
     let all = throws.iter().zip(&flights);
     std::array::from_fn(|at| all.clone().map(|(it, flights)| it.throw.miss(flights[at].as_ref()?)).collect())
 }

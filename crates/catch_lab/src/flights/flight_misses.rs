@@ -110,20 +110,6 @@ impl Throw {
     }
 }
 
-/// Looks at all of them on all cores; results in their order.
-pub fn in_parallel<I: Sync, T: Send>(all: &[I], with: impl Fn(&I) -> T + Sync) -> Vec<T> {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let chunk = all.len().div_ceil(threads).max(1);
-    let looked = &|part: &[I]| part.iter().map(&with).collect::<Vec<_>>();
-    std::thread::scope(|scope| {
-        // Where the system allows no other thread it is done here.
-        let begin =
-            |part| std::thread::Builder::new().spawn_scoped(scope, move || looked(part)).map_err(|_| looked(part));
-        let parts: Vec<_> = all.chunks(chunk).map(begin).collect();
-        parts.into_iter().flat_map(|it| it.map_or_else(|done| done, |part| part.join().unwrap_or_default())).collect()
-    })
-}
-
 /// Errors of predictions, and how many of the ends lay in the ellipsoids that were claimed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reliability {

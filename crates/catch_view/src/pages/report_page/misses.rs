@@ -6,7 +6,8 @@ use catch_body::InputError;
 
 use crate::{pages::catch_page, playback::Playback};
 use catch_lab::{
-    evaluation::{Evaluation, Row},
+    evaluation::{Cell, Evaluation, Row},
+    parallel,
     recording::recorded_throw::record,
 };
 use catch_recording::whole_file;
@@ -19,6 +20,7 @@ pub const MOST_MISSES_OF_A_STEP: usize = 3;
 const FOLDER: &str = "misses";
 
 /// Throws the first `most` missed throws once more, which gives the same again, and writes their pages;
+/// on so many threads;
 /// returns the pages' paths relative to `folder` by the index of their row.
 ///
 /// # Errors
@@ -26,26 +28,25 @@ const FOLDER: &str = "misses";
 pub fn record_misses(
     evaluation: &Evaluation,
     rows: &[Row],
-    most: usize,
+    (most, threads): (usize, usize),
     folder: &Path,
 ) -> Result<BTreeMap<usize, String>, InputError> {
-    let missed = rows.iter().enumerate().filter(|(_, row)| !row.verdict.caught).take(most);
-    let mut pages = BTreeMap::new();
-    for (i, row) in missed {
-        let of_row = |scene: &catch_lab::scenario::setup::Scene| {
-            scene.object == row.scene.object && scene.throw == row.scene.throw
+    let missed: Vec<(usize, &Row)> =
+        rows.iter().enumerate().filter(|(_, row)| !row.verdict.caught).take(most).collect();
+    let misses = folder.join(FOLDER);
+    let recorded = parallel::map_on(threads, missed.len(), |at| {
+        let (i, Row { scene, .. }) = missed[at];
+        let has_thrown = |cell: &&Cell| {
+            let ours = cell.setup.scene(scene.seed, scene.index);
+            ours.object == scene.object && ours.throw == scene.throw
         };
-        let cell = evaluation.cells.iter().find(|cell| of_row(&cell.setup.scene(row.scene.seed, row.scene.index)));
-        let Some(cell) = cell else { continue };
-        let misses = folder.join(FOLDER);
-        let thrown = record(&cell.setup, row.scene.seed, row.scene.index, &misses, &mut |_| Ok(()))
+        let Some(cell) = evaluation.cells.iter().find(has_thrown) else { return Ok(None) };
+        let thrown = record(&cell.setup, scene.seed, scene.index, &misses, &mut |_| Ok(()))
             .map_err(|fault| InputError::unwritten(misses.display(), &fault, "a folder that can be written"))?;
-        let playback = Playback::read(&thrown.recording)?;
         let page = thrown.recording.with_extension("html");
-        whole_file::write(&page, catch_page::page(&playback))?;
-        if let Some(name) = page.file_name() {
-            pages.insert(i, format!("{FOLDER}/{}", name.to_string_lossy()));
-        }
-    }
-    Ok(pages)
+        whole_file::write(&page, catch_page::page(&Playback::read(&thrown.recording)?))?;
+        let name = page.file_name().map(|name| name.to_string_lossy());
+        Ok(name.map(|name| (i, format!("{FOLDER}/{name}"))))
+    });
+    recorded.into_iter().filter_map(Result::transpose).collect()
 }

@@ -1,4 +1,4 @@
-//! Trials on all cores, their results in order.
+//! Work on several threads, its results in order.
 
 use std::{
     sync::{
@@ -13,8 +13,13 @@ pub fn threads() -> usize {
     thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// The results of `job` for 0 to `count`, in that order, whatever the number of cores.
+/// The results of `job` for 0 to `count`, in that order, by one thread for each core.
 pub fn map<T: Send>(count: usize, job: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    map_on(threads(), count, job)
+}
+
+/// The same by so many threads, or as many as the system allows.
+pub fn map_on<T: Send>(threads: usize, count: usize, job: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
     let done = Mutex::new(Vec::with_capacity(count));
     let work = || {
@@ -28,8 +33,8 @@ pub fn map<T: Send>(count: usize, job: impl Fn(usize) -> T + Sync) -> Vec<T> {
         }
     };
     thread::scope(|scope| {
-        // As many others as the system allows, and this one.
-        let others = (1..threads()).take_while(|_| thread::Builder::new().spawn_scoped(scope, work).is_ok());
+        // This one, and others.
+        let others = (1..threads.min(count)).take_while(|_| thread::Builder::new().spawn_scoped(scope, work).is_ok());
         others.for_each(drop);
         work();
     });
