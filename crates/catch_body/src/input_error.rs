@@ -2,6 +2,12 @@
 
 use std::fmt::Display;
 
+/// Whether a character of a text that others wrote is not shown, but steers how the rest is: control
+/// characters, and marks that turn the direction of writing, by which a name looks like another.
+pub fn steers_text(letter: char) -> bool {
+    letter.is_control() || matches!(letter, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
 /// A fault in a user's input: where it is, what was found and what would be right.
 ///
 /// ```

@@ -13,6 +13,7 @@ use std::{
 };
 
 use anstyle::{AnsiColor, Style};
+use catch_body::input_error::steers_text;
 use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::SIGINT;
@@ -161,9 +162,7 @@ fn harmless(text: &str) -> String {
     while let Some(it) = rest.chars().next() {
         let style = STYLES.into_iter().find(|style| rest.starts_with(style));
         let length = style.map_or(it.len_utf8(), str::len);
-        // What turns the direction of writing makes a text look like another.
-        let turns = matches!(it, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
-        if style.is_some() || matches!(it, '\n' | '\t') || !(it.is_control() || turns) {
+        if style.is_some() || matches!(it, '\n' | '\t') || !steers_text(it) {
             shown += &rest[..length];
         } else {
             shown.extend(it.escape_unicode());

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, fmt::Write};
 
 use crate::description::{Chain, ChainJoint, TreeJoint};
-use catch_body::{InputError, Pose, quantity, robot::Inertia, stated::Stated};
+use catch_body::{InputError, Pose, input_error::steers_text, quantity, robot::Inertia, stated::Stated};
 use nalgebra::Matrix3;
 
 use super::{geometry::BodyShape, joint_limits::JointLimitFields};
@@ -319,7 +319,7 @@ fn list(values: &[f64]) -> String {
 }
 
 fn one_line(text: &str) -> String {
-    text.chars().filter(|it| !it.is_control()).take(200).collect()
+    text.chars().filter(|it| !steers_text(*it)).take(200).collect()
 }
 
 fn quoted(text: &str) -> String {

@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use catch_body::input_error::steers_text;
+
 use crate::{
     VERSION,
     evaluation::{
@@ -39,7 +41,7 @@ pub fn plain(text: &str) -> String {
             '<' => plain += "&lt;",
             '>' => plain += "&gt;",
             '\\' | '|' | '[' | '`' => plain.extend(['\\', it]),
-            it if it.is_control() => plain.push(' '),
+            it if steers_text(it) => plain.push(' '),
             it => plain.push(it),
         }
     }

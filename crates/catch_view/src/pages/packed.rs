@@ -1,6 +1,7 @@
 //! Numbers and texts as pages carry them: small, and unable to break out of where they stand.
 
 use base64::{Engine, prelude::BASE64_STANDARD};
+use catch_body::input_error::steers_text;
 use serde::Serialize;
 
 /// Rows of numbers in 16 bits each: value = offset + scale · integer, little endian, in base64.
@@ -43,6 +44,7 @@ fn encode(integers: impl Iterator<Item = u16>) -> String {
 /// JSON to stand in a `<script type="application/json">`: no `<` in it can end the element or open a comment.
 pub fn json_in_html(value: &impl Serialize) -> String {
     let text = serde_json::to_string(value).unwrap_or_else(|fault| format!("\"{fault}\""));
+    let text: String = text.chars().map(|it| if steers_text(it) { char::REPLACEMENT_CHARACTER } else { it }).collect();
     text.replace('<', "\\u003c").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029")
 }
 
@@ -56,6 +58,8 @@ pub fn text_in_html(text: &str) -> String {
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
             '\'' => escaped.push_str("&#39;"),
+            '\n' | '\t' => escaped.push(letter),
+            _ if steers_text(letter) => escaped.extend(letter.escape_unicode()),
             _ => escaped.push(letter),
         }
     }
@@ -65,6 +69,15 @@ pub fn text_in_html(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A name that would turn what follows it, or end the element, does neither.
+    #[test]
+    fn foreign_texts_steer_no_page() {
+        let name = "joint\u{202e}gpj.<script>\u{7}";
+        assert_eq!(text_in_html(name), "joint\\u{202e}gpj.&lt;script&gt;\\u{7}");
+        let json = json_in_html(&name);
+        assert!(!json.contains('<') && !json.contains('\u{202e}'), "{json}");
+    }
 
     fn unpack(packed: &Packed) -> Vec<f64> {
         let bytes = BASE64_STANDARD.decode(&packed.data).unwrap();
