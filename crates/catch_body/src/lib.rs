@@ -38,6 +38,7 @@ pub mod robot;
 pub mod robot_file;
 pub mod shape;
 pub mod stated;
+pub mod statistics;
 mod toml_input;
 pub mod urdf;
 pub mod velocity_table;

@@ -1,6 +1,6 @@
 //! Fine alignment: robust Gauss–Newton on inverse depths and silhouettes of all cameras together.
 
-use catch_body::{Gripper, Robot};
+use catch_body::{Gripper, Robot, statistics::median_in_place};
 use catch_cell::CameraModel;
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -295,10 +295,5 @@ struct Errors {
 
 /// Standard deviation by the median of the sizes, which is 0.6745 of it for normal ones.
 fn robust_sd(sizes: &mut [f64]) -> f64 {
-    if sizes.is_empty() {
-        return 0.0;
-    }
-    let middle = sizes.len() / 2;
-    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-    *median / 0.6745
+    median_in_place(sizes) / 0.6745
 }

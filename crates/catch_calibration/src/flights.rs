@@ -16,6 +16,7 @@ mod motion;
 #[cfg(test)]
 mod tests;
 
+use catch_body::statistics::median_in_place;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3};
 
 use super::{CAMERA_PARAMETERS, Calibration, CalibrationStatus, coarse::moved};
@@ -285,10 +286,9 @@ impl Problem {
     fn variance_factor(&self) -> f64 {
         let rows = self.flights.iter().flat_map(|it| it.rows(&self.cameras, self.tilt_rad));
         let mut squares: Vec<f64> = rows.map(|it| it.residual.norm_squared()).collect();
-        let (count, middle) = (3.0 * squares.len() as f64, squares.len() / 2);
-        let (_, median, _) = squares.select_nth_unstable_by(middle, f64::total_cmp);
+        let count = 3.0 * squares.len() as f64;
         let estimated = (OF_FLIGHT * self.flights.len()) as f64;
-        (*median / MEDIAN_OF_SQUARES * count / (count - estimated).max(1.0)).max(1.0)
+        (median_in_place(&mut squares) / MEDIAN_OF_SQUARES * count / (count - estimated).max(1.0)).max(1.0)
     }
 
     fn linearized(&self) -> Option<(Vec<FlightEquations>, DMatrix<f64>)> {

@@ -1,5 +1,6 @@
 //! `catchingbot plan`: plans for catches that are described in a file.
 
+use catch_body::statistics::{median, quantile, sorted};
 use std::{path::PathBuf, time::Instant};
 
 use catch_body::{Gripper, JointVector, Robot};
@@ -8,7 +9,6 @@ use catch_cell::arm::Setpoint;
 use catch_lab::{
     VERSION,
     planner_cases::{self, PlannerCase},
-    statistics::{median, quantile, sorted},
 };
 use catch_paper::posed::{PosedCatch, PosedPlanner};
 use catch_recording::whole_file::COMMAND_LINE;

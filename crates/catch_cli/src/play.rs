@@ -1,5 +1,6 @@
 //! `catchingbot play`: many throws in one life.
 
+use catch_body::statistics::wilson95;
 use std::{fmt::Write as _, path::PathBuf};
 
 use catch_body::InputError;
@@ -9,7 +10,6 @@ use catch_lab::{
     play::{EarlyEnd, Life, Play, PlayRow},
     referee::Row,
     scenario::{Scenario, setup::Setup},
-    statistics::wilson95,
 };
 use catch_recording::whole_file::{self, COMMAND_LINE};
 use catch_view::pages::{self, packed::text_in_html};

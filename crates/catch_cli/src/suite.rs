@@ -1,5 +1,6 @@
 //! `catchingbot suite`: frozen benchmarks.
 
+use catch_body::statistics::wilson95;
 use std::{
     fmt::Write,
     fs, io,
@@ -12,7 +13,6 @@ use catch_body::InputError;
 use catch_lab::{
     VERSION,
     evaluation::{MOST_THREADS, Row, cell_summary::CellSummary, summary_table::plain},
-    statistics::wilson95,
     suite::{Catcher, Suite, rows_sha256},
 };
 use catch_recording::{

@@ -2,12 +2,12 @@
 //! worth, and the same method under the arm's real limits.
 
 use anyhow::{Context, Result};
+use catch_body::statistics::{paired95, wilson95};
 use catch_lab::{
     evaluation::published::published_rates,
     parallel,
     referee::{self, Measures, Verdict},
     scenario::setup::{Choice, Setup},
-    statistics::{paired95, wilson95},
     study::Study,
     trial,
 };

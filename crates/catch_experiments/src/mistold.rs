@@ -1,6 +1,7 @@
 //! What a wrong belief costs: one figure of the brain's knowledge wrong at a time, on the same throws as with
 //! the right one.
 
+use catch_body::statistics::paired95;
 use std::{fs, path::PathBuf};
 
 use anyhow::{Context, Result};
@@ -10,7 +11,6 @@ use catch_lab::{
     assets::Kind,
     parallel, referee,
     scenario::setup::{Choice, Setup},
-    statistics::paired95,
     trial,
 };
 use nalgebra::Vector3;

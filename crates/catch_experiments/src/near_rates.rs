@@ -1,12 +1,12 @@
 //! What rigs of a few near cameras catch.
 
+use catch_body::statistics::wilson95;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
 use catch_lab::{
     assets::Kind,
     scenario::setup::{Choice, Setup},
-    statistics::wilson95,
 };
 
 use crate::{

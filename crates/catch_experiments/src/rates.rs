@@ -1,5 +1,6 @@
 //! Catch rates of a condition, of the throws within reach.
 
+use catch_body::statistics::wilson95;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
@@ -8,7 +9,6 @@ use catch_lab::{
     parallel,
     referee::reason::Reason,
     scenario::setup::Setup,
-    statistics::wilson95,
 };
 
 use crate::{Options, results::Entry, spread::percent};

@@ -1,6 +1,6 @@
 //! Quantiles of what was measured, as entries of tables.
 
-use catch_lab::statistics::{quantile, sorted};
+use catch_body::statistics::{quantile, sorted};
 
 use crate::results::Entry;
 

@@ -78,7 +78,6 @@ pub mod reachability;
 pub mod recording;
 pub mod referee;
 pub mod scenario;
-pub mod statistics;
 pub mod study;
 pub mod suite;
 

@@ -1,6 +1,6 @@
 //! The object as the brain knows it, made once from a scan.
 
-use catch_body::Pose;
+use catch_body::{Pose, statistics::median_in_place};
 use catch_cell::{CameraModel, DepthFrame, ReferenceScan};
 use nalgebra::{Matrix3, Matrix6, Point3, SymmetricEigen, Translation3, UnitQuaternion, Vector3, Vector6};
 
@@ -230,8 +230,7 @@ fn typical_spacing(points: &[Point3<f64>]) -> f64 {
             squared.select_nth_unstable_by(place, f64::total_cmp).1.sqrt()
         })
         .collect();
-    let middle = fourth.len() / 2;
-    *fourth.select_nth_unstable_by(middle, f64::total_cmp).1 / (4.0 / std::f64::consts::PI).sqrt()
+    median_in_place(&mut fourth) / (4.0 / std::f64::consts::PI).sqrt()
 }
 
 /// The surface around each point, through those neighbours that do not face the other way.

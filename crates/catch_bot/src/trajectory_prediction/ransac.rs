@@ -1,6 +1,6 @@
 //! Random sample consensus over flights through two poses (paper, III-B; Fischler and Bolles, 1981).
 
-use catch_body::dynamics::gravity;
+use catch_body::{dynamics::gravity, statistics::median_in_place};
 use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -184,11 +184,7 @@ fn typical_spin(
         }
         earlier = Some(pose);
     });
-    Vector3::from_fn(|axis, _| {
-        let values = &mut components[axis];
-        let middle = values.len() / 2;
-        if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
-    })
+    Vector3::from_fn(|axis, _| median_in_place(&mut components[axis]))
 }
 
 /// Calls `visit` with each pose and where the flight is then, pose after pose.

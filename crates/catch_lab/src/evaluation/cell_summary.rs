@@ -1,13 +1,11 @@
 //! What the trials of one object and one throw say together.
 
+use catch_body::statistics::{median, wilson95};
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::{
-    referee::{Row, reason::Reason},
-    statistics::{median, wilson95},
-};
+use crate::referee::{Row, reason::Reason};
 
 /// All trials of one object and one throw.
 #[derive(Debug, Clone, PartialEq, Serialize)]

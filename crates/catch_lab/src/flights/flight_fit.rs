@@ -21,7 +21,7 @@ use super::{
     flight_problem::{Equations, Guess, MEDIAN, MOST_SD, Problem, Scales},
     stretches::{LEAST_SIGHTINGS, Parabola, median_vector},
 };
-use crate::statistics::median_in_place;
+use catch_body::statistics::median_in_place;
 
 /// Iterations at most, and those of them after which the noise stays as it is.
 const ITERATIONS: usize = 30;

@@ -14,7 +14,8 @@ use super::{
     flight_prediction::{Known, predict, predict_near},
     flight_prior::{DRAG_AT, FlightPrior, LIFT_AT, Noise, ParameterCovariance},
 };
-use crate::{parallel, statistics::median_in_place};
+use crate::parallel;
+use catch_body::statistics::median_in_place;
 
 /// Iterations of expectation maximization.
 const ITERATIONS: usize = 3;

@@ -12,7 +12,7 @@ use super::{
     flight_prior::{FlightPrior, Noise},
     track_file::Sighting,
 };
-use crate::statistics::{quantile, sorted};
+use catch_body::statistics::{quantile, sorted};
 
 /// The median of the norm of three standard normal numbers.
 pub(super) const MEDIAN: f64 = 1.538;

@@ -5,7 +5,7 @@ use catch_body::dynamics::gravity;
 use nalgebra::{Unit, Vector3};
 
 use super::track_file::Sighting;
-use crate::statistics::median_in_place;
+use catch_body::statistics::median_in_place;
 
 /// Velocities before and after a row are taken over this time,
 const SPAN_S: f64 = 0.07;

@@ -6,6 +6,7 @@
 //! it cannot catch costs most. Poses near the best one so far are tried at random, in ever smaller steps.
 //! What the best one is worth is told by throws that it was not chosen for.
 
+use catch_body::statistics::median;
 use std::sync::Arc;
 
 use catch_body::{
@@ -26,7 +27,6 @@ use rand_pcg::Pcg64;
 use crate::{
     reachability::oracle::{Flight, Oracle},
     scenario::setup::Setup,
-    statistics::median,
 };
 
 /// When the brain usually has its first estimate: the paper's six frames at 100 Hz, and one more.

@@ -7,6 +7,7 @@
 //! something stops, make that too late and never too early; so the earliest one over the sensed widths of a
 //! move counts, between the times of two observations. Half a step of the sensor is allowed for.
 
+use catch_body::statistics::{quantile, sorted};
 use std::path::{Path, PathBuf};
 
 use catch_body::InputError;
@@ -14,10 +15,7 @@ use catch_bot::grasp_selection::Closing;
 use catch_cell::{Command, GripperQueue};
 use serde::Serialize;
 
-use crate::{
-    recording::LabReader,
-    statistics::{quantile, sorted},
-};
+use crate::recording::LabReader;
 use catch_recording::{Part, replay::RECORDED, whole_file::COMMAND_LINE};
 
 /// Fingers are at rest while the width changes by no more, in metres.

@@ -4,6 +4,7 @@
 //! base, the direction that in which it comes there. What is thrown from farther away or faster is thrown the
 //! same way otherwise.
 
+use catch_body::statistics::median;
 use catch_body::{InputError, dynamics::gravity};
 use catch_sim::Throw;
 use nalgebra::{Point3, Vector3};
@@ -12,7 +13,6 @@ use serde::{Deserialize, Serialize};
 use crate::{
     evaluation::{Row, cell_summary::CellSummary},
     scenario::setup::Setup,
-    statistics::median,
 };
 
 /// Where throws come from, and how fast.

@@ -1,16 +1,14 @@
 //! Plots of an evaluation as SVG, for papers.
 
+use catch_body::statistics::sorted;
 use std::{error::Error, path::Path};
 
 use plotters::{coord::Shift, prelude::*};
 
 use crate::pages::report_page::Report;
-use catch_lab::{
-    evaluation::{
-        cell_summary::CellSummary,
-        published::{published_rate, published_rates},
-    },
-    statistics::sorted,
+use catch_lab::evaluation::{
+    cell_summary::CellSummary,
+    published::{published_rate, published_rates},
 };
 use catch_recording::whole_file;
 

@@ -4,6 +4,7 @@ mod misses;
 mod rows;
 mod study;
 
+use catch_body::statistics::{quantile, sorted};
 use std::{collections::BTreeMap, fmt::Write};
 
 use crate::pages::{document, packed::text_in_html};
@@ -16,7 +17,6 @@ use catch_lab::{
         summary_table::repeated_throws,
     },
     referee::{LEADS_S, Measures},
-    statistics::{quantile, sorted},
     trial::stopwatch::{StageTimes, Stopwatch},
 };
 use rows::{Mark, Scale, row};
