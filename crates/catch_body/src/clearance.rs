@@ -1,4 +1,4 @@
-//! How far an arm is from touching itself, the floor and what stands in its workcell.
+//! Distances of an arm to itself, the floor and the obstacles of its workcell.
 
 use nalgebra::Point3;
 
@@ -191,7 +191,7 @@ mod tests {
         Gripper::from_toml("wsg50.toml", include_str!("../../../assets/grippers/wsg50.toml")).unwrap()
     }
 
-    /// The same by brute force: all pairs of capsules, and the gripper sampled by points on its boxes.
+    /// Clearances by brute force: all pairs of capsules, and the gripper sampled by points on its boxes.
     fn sampled(robot: &Robot, X_WL: &LinkPoses, width_m: f64) -> (f64, f64) {
         let gripper = wsg50();
         let X_WG = robot.gripper_in(X_WL);

@@ -32,7 +32,7 @@ pub type Harmless = &'static [(&'static str, &'static [&'static str])];
 /// A parsed file, and what was asked of it.
 pub struct Document {
     file: String,
-    /// What its entries are called in errors.
+    /// Format, which decides how errors name the entries.
     format: Format,
     names: Vec<Box<str>>,
     by_name: HashMap<Box<str>, u32>,
@@ -166,7 +166,7 @@ impl Document {
         Node { document: self, index: 0 }
     }
 
-    /// What errors call the file.
+    /// Name of the file in errors.
     pub fn file(&self) -> &str {
         &self.file
     }

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 /// Number of parameters: r, M (xx, yy, zz, xy, xz, yz), k, c, S (xx, yy, xy, xz, yz), s.
 pub const PARAMETERS: usize = 19;
-/// Of the error state: (p, v, θ, ω) and the parameters.
+/// Dimension of the error state: (p, v, θ, ω) and the parameters.
 pub const N: usize = 12 + PARAMETERS;
 /// First elements of the velocity, the rotation and the angular velocity in the error state.
 pub const V: usize = 3;
@@ -152,8 +152,8 @@ impl FlyingBody {
         self.inverse * (self.inertia * w).cross(w) - w * self.decay
     }
 
-    /// Its derivative, given that of ω: δω̇ = J⁻¹(δ(J·ω)×ω + J·ω×δω − δJ·ω̇ᵢ) − c·δω − ω·δc, ω̇ᵢ without the
-    /// decay.
+    /// Derivative of [`Self::spin_rate`], given that of ω: δω̇ = J⁻¹(δ(J·ω)×ω + J·ω×δω − δJ·ω̇ᵢ) − c·δω −
+    /// ω·δc, ω̇ᵢ without the decay.
     fn spin_rate_by(&self, w: &Vector3<f64>, dw: &ByState) -> ByState {
         let momentum = self.inertia * w;
         let inertial = self.inverse * momentum.cross(w);
@@ -174,7 +174,7 @@ impl FlyingBody {
         (R * w * self.magnus + self.lift).cross(v) - R * (self.drag * (R.inverse() * v)) * v.norm()
     }
 
-    /// Its derivative, given those of v, θ and ω.
+    /// Derivative of [`Self::air`], given those of v, θ and ω.
     fn air_by(
         &self,
         (v, dv): (&Vector3<f64>, &ByState),

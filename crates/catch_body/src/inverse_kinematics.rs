@@ -28,7 +28,7 @@ use crate::{
     robot::{JointVector, Robot},
 };
 
-/// How far, in metres and radians, an arm may be from the S-R-S geometry.
+/// Tolerance, in metres and radians, of an arm's deviation from the S-R-S geometry.
 const TOLERANCE: f64 = 1e-6;
 
 /// The geometry of an S-R-S arm at zero joint angles, in W.
@@ -67,7 +67,8 @@ impl Solutions {
     }
 }
 
-/// Where the elbow may be for one pose of the gripper: a circle about the line from shoulder to wrist.
+/// Possible positions of the elbow for one pose of the gripper: a circle about the line from shoulder to
+/// wrist.
 #[derive(Debug, Clone, Copy)]
 pub struct ElbowCircle {
     R_WG: Rotation3<f64>,
@@ -138,8 +139,8 @@ impl SrsArm {
         self.p_GW
     }
 
-    /// How far the wrist may be from the shoulder if the elbow's joint is to be within `range`, in radians:
-    /// the least and the most, squared, in m².
+    /// Squared distances from shoulder to wrist, the least and the greatest in m², with the elbow's joint
+    /// within a range in radians.
     pub fn wrist_distances_squared(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let (a, b) = (self.upper_arm, self.forearm);
         let least_bend = low.max(-high).max(0.0);
@@ -290,8 +291,8 @@ mod tests {
             }
         }
 
-        /// Where the wrist is tells how far the elbow is bent, and bending it more or less takes the wrist
-        /// out of the range.
+        /// The distance from shoulder to wrist determines how far the elbow is bent, and bending it more or
+        /// less takes the wrist out of the range.
         #[test]
         fn the_wrist_is_as_far_away_as_the_elbow_lets_it(
             unit in prop::array::uniform7(-0.99f64..0.99), below in 0.001f64..1.0, above in 0.001f64..1.0,

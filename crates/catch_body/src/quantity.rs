@@ -43,7 +43,7 @@ pub struct Quantity {
 }
 
 impl Quantity {
-    /// Whether `value` is within the range.
+    /// Returns whether `value` is within the range.
     pub fn contains(&self, value: f64) -> bool {
         (self.least..=self.most).contains(&value)
     }
@@ -377,7 +377,7 @@ quantities! {
     rate_hz RATE_HZ = 1.0 to 10000.0 "Hz";
     /// Times that something takes within a flight.
     latency_s LATENCY_S = 0.0 to 0.5 "s, a time within a flight";
-    /// The same in milliseconds.
+    /// Times that something takes within a flight, in milliseconds.
     latency_ms LATENCY_MS = 0.0 to 500.0 "ms, a time within a flight";
     /// Times by which a robot controller may be off.
     controller_time_s CONTROLLER_TIME_S = 0.0 to 0.05 "s";

@@ -1,4 +1,4 @@
-//! Where a ray first meets a mesh.
+//! Intersection of rays with meshes.
 
 mod arm_surface;
 
@@ -15,9 +15,9 @@ use crate::mesh::TriangleMesh;
 
 pub use arm_surface::{ArmSurface, SurfacePart};
 
-/// How much the boxes of the hierarchy are widened, as a fraction of the mesh's radius. They are crossed in
-/// single precision, whose rounding errors stay far below this, so no triangle that the ray meets is ever
-/// passed over.
+/// Amount by which the boxes of the hierarchy are widened, as a fraction of the mesh's radius. They are
+/// crossed in single precision, whose rounding errors stay far below this, so no triangle that the ray meets
+/// is ever passed over.
 const BOX_PADDING: f64 = 1e-5;
 
 /// A mesh prepared for ray casting in its own frame.
@@ -91,7 +91,7 @@ impl RayCaster {
         self.cast_within(origin, direction, f64::INFINITY)
     }
 
-    /// As [`Self::cast`], but only what lies before `limit` counts, which spares searching behind it.
+    /// As [`Self::cast`], but only for surfaces before `limit`, which spares searching behind it.
     pub fn cast_within(&self, origin: &Point3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<f64> {
         self.nearest(origin, direction, limit).map(|(t, _)| t)
     }

@@ -23,7 +23,7 @@ use crate::{
 pub struct Stated<T> {
     /// The value.
     pub value: T,
-    /// Why it is assumed; `None` where it is published.
+    /// Reason for the assumption; `None` where the value is published.
     pub assumed: Option<String>,
 }
 
@@ -32,7 +32,7 @@ pub struct Stated<T> {
 pub struct Assumption {
     /// Path of the field within its file.
     pub field: String,
-    /// Why the value is what it is.
+    /// Reason for the value.
     pub reason: String,
 }
 

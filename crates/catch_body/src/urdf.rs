@@ -16,10 +16,10 @@ use crate::{
     robot::Inertia,
 };
 
-/// What a file should be.
+/// Kind of file that is expected.
 const EXPECTED: &str = "a URDF description of a robot";
 
-/// What only draws, simulates or drives the robot, says something twice, or what all readers of URDF pass
+/// Names that only draw, simulate or drive the robot, repeat something, or that all readers of URDF pass
 /// over.
 pub const HARMLESS: Harmless = &[
     (
@@ -94,7 +94,7 @@ pub const HARMLESS: Harmless = &[
     ),
 ];
 
-/// What `robot.toml` says in place of the URDF, and what needs no shape beside its capsules.
+/// Names of what `robot.toml` states in place of the URDF, and of what needs no shape beside its capsules.
 pub const IN_TOML: Harmless = &[
     ("link", &["visual", "collision", "contact", "inertial"]),
     ("joint", &["limit"]),
@@ -186,7 +186,7 @@ impl<'a> Urdf<'a> {
         self.joints.get(link).map_or(&[], Vec::as_slice)
     }
 
-    /// What drives joints.
+    /// Transmissions, which drive the joints.
     pub fn transmissions(&self) -> &[Element<'a>] {
         &self.transmissions
     }
@@ -276,7 +276,7 @@ impl<'a> Element<'a> {
         self.node.leave_out();
     }
 
-    /// Whether there is an attribute of this name.
+    /// Returns whether there is an attribute of this name.
     pub fn has(&self, name: &'static str) -> bool {
         self.node.has(name)
     }

@@ -30,14 +30,14 @@ const MOST_KNOTS: usize = 1000;
 /// Settings of an [`Executor`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExecutorConfig {
-    /// Whether position, velocity and acceleration of a trajectory must equal those of the executing one at
+    /// True if position, velocity and acceleration of a trajectory must equal those of the executing one at
     /// its start.
     pub continuous_start: bool,
-    /// Whether they must be continuous along it, too.
+    /// True if position, velocity and acceleration must be continuous along the trajectory, too.
     pub continuous_inside: bool,
-    /// Whether it must end at rest. Beyond its end the last point is held either way.
+    /// True if a trajectory must end at rest. Beyond its end the last point is held either way.
     pub ends_at_rest: bool,
-    /// What is done about limits.
+    /// Treatment of trajectories that break a limit of the arm.
     pub limit_check: LimitCheck,
 }
 
@@ -47,12 +47,12 @@ impl Default for ExecutorConfig {
     }
 }
 
-/// What an [`Executor`] does about a trajectory that breaks a limit of the arm.
+/// Treatment by an [`Executor`] of a trajectory that breaks a limit of the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LimitCheck {
-    /// It is rejected.
+    /// The trajectory is rejected.
     Reject,
-    /// It is taken, and the caller is told which limits it breaks.
+    /// The trajectory is taken, and the caller gets the limits that it breaks.
     Report,
     /// Nothing is checked.
     Off,
@@ -69,7 +69,7 @@ pub struct Executor {
     queue: Vec<(Option<TrajectoryId>, BSpline)>,
     /// The highest identifier that has arrived.
     last_id: Option<TrajectoryId>,
-    /// What has not been told yet.
+    /// Rejected trajectories that have not been reported yet.
     rejected: Vec<RejectedTrajectory>,
 }
 
@@ -169,7 +169,7 @@ impl Executor {
         if size <= CONTINUITY { Ok(()) } else { Err(Rejection::Discontinuous { joint, time_s, size }) }
     }
 
-    /// What the arm should do at `time_s`.
+    /// Set-point of the arm at `time_s`.
     pub fn setpoint(&self, time_s: f64) -> Setpoint {
         self.queue[self.executing(time_s)].1.setpoint(time_s)
     }
@@ -179,8 +179,8 @@ impl Executor {
         self.queue.iter().rposition(|(_, spline)| spline.start_s() <= time_s + SAME_TIME_S).unwrap_or(0)
     }
 
-    /// What the arm should do at `time_s`, after which no earlier time is asked for: what has been replaced
-    /// by then is forgotten.
+    /// Set-point of the arm at `time_s`, after which no earlier time is asked for: trajectories that have
+    /// been replaced by then are forgotten.
     pub fn advance(&mut self, time_s: f64) -> Setpoint {
         self.queue.drain(..self.executing(time_s));
         self.setpoint(time_s)

@@ -20,17 +20,17 @@ impl<'d> Node<'d> {
         &self.document.parts[self.index as usize]
     }
 
-    /// Its name; that of an item of a list is empty.
+    /// Name of the part; that of an item of a list is empty.
     pub fn name(self) -> &'d str {
         &self.document.names[self.part().name as usize]
     }
 
-    /// Its text or value, without white space around it.
+    /// Text or value of the part, without white space around it.
     pub fn text(self) -> &'d str {
         self.part().text.trim()
     }
 
-    /// Whether it is a key that says nothing: `null`, `~` or nothing at all.
+    /// Returns whether the part is a key that says nothing: `null`, `~` or nothing at all.
     pub fn is_null(self) -> bool {
         self.part().first_child == NONE && matches!(self.text(), "" | "~" | "null" | "Null" | "NULL")
     }
@@ -46,7 +46,7 @@ impl<'d> Node<'d> {
         self.parts().filter(|it| !it.part().is_attribute)
     }
 
-    /// It, which is asked for from now on.
+    /// Marks the part as asked for, and returns it.
     pub fn read(self) -> Self {
         self.part().state.set(State::Read);
         self
@@ -97,7 +97,7 @@ impl<'d> Node<'d> {
         self.elements().filter(|it| it.name().is_empty()).map(Self::read)
     }
 
-    /// Whether it is a list.
+    /// Returns whether the part is a list.
     pub fn is_list(self) -> bool {
         self.part().is_list
     }
@@ -107,12 +107,12 @@ impl<'d> Node<'d> {
         self.named(name, true).next().map(|it| &*it.part().text)
     }
 
-    /// Whether there is an attribute of this name, which is asked for by this.
+    /// Returns whether there is an attribute of this name, which is asked for by this.
     pub fn has(self, name: &'static str) -> bool {
         self.attribute(name).is_some()
     }
 
-    /// It and all elements within it, none of which is asked for by this.
+    /// This part and all elements within it, none of which is asked for by this.
     pub fn descendants(self) -> impl Iterator<Item = Self> {
         let mut waiting = vec![self];
         std::iter::from_fn(move || {
@@ -157,7 +157,7 @@ impl<'d> Node<'d> {
         InputError::new(&self.document.file, self.place(), found, expected)
     }
 
-    /// Its line, if that is known, and its path.
+    /// Place of the part: its line, if that is known, and its path.
     pub fn place(self) -> String {
         let mut path = String::new();
         let mut at = self;

@@ -1,4 +1,4 @@
-//! What closed forms are made of: angles about axes, and where axes meet (the subproblems of Paden and
+//! Elements of closed forms: angles about axes, and points where axes meet (the subproblems of Paden and
 //! Kahan).
 
 use std::f64::consts::TAU;
@@ -67,7 +67,7 @@ pub fn turned_into(angle: f64, from: f64, [low, high]: [f64; 2]) -> Option<f64> 
     [nearest, nearest - TAU, nearest + TAU].into_iter().find(|it| (low..=high).contains(it))
 }
 
-/// Where two axes meet, each a direction and a point on it; `None` if they do not, or are parallel.
+/// Point where two axes meet, each a direction and a point on it; `None` if they do not, or are parallel.
 pub fn meeting_point([(a, p), (b, r)]: [(Unit<Vector3<f64>>, Point3<f64>); 2]) -> Option<Point3<f64>> {
     let (normal, between) = (a.cross(&b), r - p);
     let meet = normal.norm() > TOLERANCE && between.dot(&normal).abs() < TOLERANCE * normal.norm();

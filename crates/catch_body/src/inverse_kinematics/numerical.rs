@@ -182,12 +182,12 @@ impl NullSpace {
         Some(Self { J, factor: damped.cholesky()?, dof: robot.dof() })
     }
 
-    /// What a joint motion leaves when that part of it is taken away that moves the gripper.
+    /// Projects a joint motion onto the null space: the part of it that does not move the gripper.
     fn project(&self, v: &JointVector) -> JointVector {
         v - self.J.transpose() * self.factor.solve(&(self.J * v))
     }
 
-    /// What each joint's motion leaves, the longest first.
+    /// Null-space projections of each joint's motion, the longest first.
     fn directions(&self) -> Vec<JointVector> {
         let mut all: Vec<JointVector> = (0..self.dof).map(|i| self.project(&JointVector::ith(i, 1.0))).collect();
         all.sort_by(|a, b| b.norm().total_cmp(&a.norm()));

@@ -26,7 +26,7 @@ const SINGULAR: f64 = 1e-9;
 #[derive(Debug, Clone)]
 pub struct ParallelAxesArm {
     axes: [Unit<Vector3<f64>>; 6],
-    /// Whether axes 3 and 4 point along axis 2, or against it.
+    /// Signs of the directions of axes 3 and 4: 1 along axis 2, −1 against it.
     signs: [f64; 2],
     /// A point on axis 1, and the origins of joints 2, 3 and 4 without what lies along these axes.
     base: Point3<f64>,

@@ -39,7 +39,8 @@ pub struct SphericalShoulderArm {
     /// A point on the last axis, and the wrist from there.
     last: Point3<f64>,
     last_to_wrist: Vector3<f64>,
-    /// What the distance from shoulder to wrist depends on, of q4; the height of axis 3 along axis 1, of q2.
+    /// Function of q4 that determines the distance from shoulder to wrist; height of axis 3 along axis 1 as a
+    /// function of q2.
     bend: Sinusoid,
     height: Sinusoid,
     /// The inverse of the gripper's pose.
@@ -165,7 +166,7 @@ impl SphericalShoulderArm {
     }
 }
 
-/// What of a vector is across an axis.
+/// Component of a vector across an axis.
 fn across(v: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
     v - axis * axis.dot(v)
 }

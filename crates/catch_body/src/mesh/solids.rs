@@ -13,7 +13,7 @@ use crate::{
     shape::{Capsule, Cuboid},
 };
 
-/// One elliptic cross-section of a tube.
+/// An elliptic cross-section of a tube.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TubeRing {
     /// Centre of the ellipse.

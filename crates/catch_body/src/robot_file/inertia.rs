@@ -6,7 +6,7 @@ use serde::Deserialize;
 use super::{RobotFiles, unreasoned};
 use crate::{InputError, quantity, robot::Inertia, urdf::Element};
 
-/// What the moments of inertia of a body are.
+/// Condition on the moments of inertia of a body.
 const OF_A_BODY: &str = "moments above zero, none larger than the sum of the other two";
 
 /// Mass properties of a link that take the place of the URDF's.
@@ -23,10 +23,10 @@ pub(super) struct LinkFields {
     /// order.
     #[serde(deserialize_with = "quantity::inertia_kgm2")]
     inertia_kgm2: [f64; 6],
-    /// Whether nobody published it.
+    /// True if nobody published the mass properties.
     #[serde(default)]
     assumed: bool,
-    /// Why it is assumed.
+    /// Reason for the assumption.
     reason: Option<String>,
 }
 
