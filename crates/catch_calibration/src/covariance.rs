@@ -12,9 +12,9 @@ use nalgebra::{DMatrix, DVector};
 
 use super::parameters::{FIRST_NUISANCE, OF_CAMERA};
 
-/// What one image tells of the parameters that it depends on.
+/// Information of one image about the parameters that it depends on.
 pub struct ImageInformation {
-    /// Where these are among all.
+    /// Indices of these parameters among all.
     pub places: Vec<usize>,
     pub information: DMatrix<f64>,
     pub pull: DVector<f64>,
@@ -42,7 +42,7 @@ pub struct Equations {
     pub information: DMatrix<f64>,
     pub inverse: DMatrix<f64>,
     pub images: Vec<ImageInformation>,
-    /// What leads from where the images were linearized to the optimum.
+    /// Change of the parameters from where the images were linearized to the optimum.
     pub change: DVector<f64>,
 }
 

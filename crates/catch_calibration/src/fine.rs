@@ -40,9 +40,9 @@ const SMALL: f64 = 2e-5;
 /// Correlations are taken from one in so many images.
 const CORRELATED_IMAGES: usize = 4;
 
-/// What is known of one camera beforehand, and its images.
+/// A camera as it is given beforehand, and its images.
 pub struct Observed<'a> {
-    /// Its intrinsics.
+    /// Intrinsics of the camera.
     pub camera: &'a CameraModel,
     pub images: Vec<&'a AveragedImage>,
     pub still: StillImage,
@@ -57,7 +57,7 @@ pub struct Problem<'a> {
     pub config: &'a Config,
 }
 
-/// What was found.
+/// Result of the fine alignment.
 pub struct Estimate {
     pub cameras: Vec<CameraState>,
     pub shared: Shared,
@@ -77,7 +77,7 @@ struct Spread {
     shown_correlation: f64,
 }
 
-/// What one step does beside stepping.
+/// Extent of a step: its images, and whether correlations are estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Pass {
     /// Some images, silhouettes far around.
@@ -93,7 +93,7 @@ struct State<'a> {
     cameras: Vec<CameraState>,
     shared: Shared,
     spreads: Vec<Spread>,
-    /// What the pixels of each image have in common, in standard deviations.
+    /// Offset that the pixels of each image have in common, in standard deviations.
     offsets: Vec<Vec<f64>>,
     residuals: Vec<Residuals>,
     last_step: Vec<f64>,
@@ -144,7 +144,7 @@ fn offset_sd(config: &Config, image: &AveragedImage) -> f64 {
 }
 
 impl State<'_> {
-    /// One step of Gauss–Newton; the equations, if they have a solution.
+    /// Takes one Gauss–Newton step. Returns the equations, if they have a solution.
     fn step(&mut self, pass: Pass) -> Option<Equations> {
         let shared_from = OF_CAMERA * self.cameras.len();
         let size = shared_from + self.shared.values.len();
@@ -284,7 +284,7 @@ impl State<'_> {
     }
 }
 
-/// What the measurements of a camera are off by, in multiples of what they were expected to be.
+/// Residuals of the measurements of a camera, in multiples of their expected standard deviations.
 #[derive(Default)]
 struct Errors {
     of_depths: Vec<f64>,

@@ -112,7 +112,7 @@ fn smaller(camera: &CameraModel) -> CameraModel {
     }
 }
 
-/// What an image of a pose would tell of a camera.
+/// Information about a camera that an image of a pose would give.
 fn information(
     config: &Config,
     robot: &Robot,

@@ -11,12 +11,12 @@ use catch_bot::trajectory_optimization::MotionPlanner;
 
 /// A motion that is not executed so long after it should be was lost, in seconds.
 const OVERDUE_S: f64 = 0.5;
-/// How long images may be under way, in seconds.
+/// Longest time that images may be under way, in seconds.
 const LATEST_IMAGE_S: f64 = 0.3;
 /// Motions that are tried to one pose.
 const TRIES: usize = 3;
 
-/// What was seen: arm and images.
+/// Observations of a session: arm and images.
 #[derive(Debug, Clone, Default)]
 pub struct Session {
     /// The arm at each tick, in the order of time.
@@ -55,7 +55,7 @@ enum Phase {
 }
 
 impl CalibrationRun {
-    /// For an arm and cameras; the poses in the order in which they are taken.
+    /// A run for an arm and cameras; the poses in the order in which they are taken.
     pub fn new(config: Config, planner: MotionPlanner, cameras: &[CameraModel], poses: Vec<JointVector>) -> Self {
         let full = cameras.iter().map(CameraModel::full_window).collect();
         Self {
@@ -72,12 +72,12 @@ impl CalibrationRun {
         }
     }
 
-    /// Whether all poses have been taken, or skipped where no motion leads there.
+    /// Returns whether all poses have been taken, or skipped where no motion leads there.
     pub fn is_done(&self) -> bool {
         matches!(self.phase, Phase::Done)
     }
 
-    /// What was seen.
+    /// Observations of the run.
     pub fn into_session(mut self) -> Session {
         self.averaging.end(&mut self.session);
         self.session

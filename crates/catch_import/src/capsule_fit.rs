@@ -6,13 +6,13 @@ use catch_body::{TriangleMesh, shape::Capsule};
 
 /// Directions in which the outermost points are looked for; all others count only in the last step.
 const DIRECTIONS: usize = 400;
-/// The same where two partitions are compared.
+/// Directions in which the outermost points are looked for where two partitions are compared.
 const FEW_DIRECTIONS: usize = 50;
 /// Capsules for one surface at most.
 pub const MOST_CAPSULES: usize = 4;
-/// One more capsule has to save this fraction of the volume.
+/// Least fraction of the volume that one more capsule has to save.
 const LEAST_SAVING: f64 = 0.12;
-/// Where a surface is cut in two, as fractions of its extent.
+/// Places where a surface is cut in two, as fractions of its extent.
 const CUTS: [f64; 7] = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
 /// Added to every radius, so that rounding leaves nothing outside.
 const MARGIN_M: f64 = 1e-6;

@@ -14,7 +14,7 @@ use catch_body::TriangleMesh;
 use edges::{Edges, Side};
 use shells::{crossing, drop_specks, face_outwards};
 
-/// How far a repair may go.
+/// Limits of a repair.
 #[derive(Debug, Clone, Copy)]
 pub struct RepairLimits {
     /// The widest hole that is filled, in metres.
@@ -26,7 +26,7 @@ pub struct RepairLimits {
 pub struct Repaired {
     /// Closed, its triangles facing outwards.
     pub mesh: TriangleMesh,
-    /// One entry for each kind of repair, in the order in which they were made.
+    /// Repairs, one entry for each kind, in the order in which they were made.
     pub repairs: Vec<Repair>,
 }
 
@@ -37,7 +37,7 @@ pub enum Repair {
     Welded {
         /// The distance in metres.
         tolerance_m: f64,
-        /// How many vertices went away.
+        /// Number of vertices that went away.
         vertices: usize,
     },
     /// Triangles without three corners, or there twice, were left out.
@@ -52,7 +52,7 @@ pub enum Repair {
     ShellsCross(usize),
     /// Holes were filled.
     Filled {
-        /// How many.
+        /// Number of holes.
         holes: usize,
         /// Width of the widest in metres.
         widest_m: f64,
@@ -80,28 +80,28 @@ impl fmt::Display for Repair {
     }
 }
 
-/// Why a surface encloses no solid.
+/// Reason why a surface encloses no solid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Defect {
-    /// It has no triangle.
+    /// The surface has no triangle.
     Empty,
     /// A hole that is too wide to be filled.
     Hole {
         /// Middle of its rim.
         centre: Point3<f64>,
-        /// Its width in metres.
+        /// Width of the hole in metres.
         width_m: f64,
-        /// How many holes there are of this kind.
+        /// Number of holes of this kind.
         count: usize,
     },
     /// An edge at which sides differ in number.
     Edge {
-        /// Its middle.
+        /// Middle of the edge.
         at: Point3<f64>,
-        /// How many edges there are of this kind.
+        /// Number of edges of this kind.
         count: usize,
     },
-    /// It encloses no volume.
+    /// The surface encloses no volume.
     Flat,
 }
 
@@ -211,8 +211,7 @@ impl Welded {
     }
 }
 
-/// For each point the number of its place, and the places: points within `tolerance_m` of an earlier place
-/// are there.
+/// Index of each point's place, and the places: points within `tolerance_m` of an earlier place are there.
 fn places(points: &[Point3<f64>], tolerance_m: f64) -> (Vec<u32>, Vec<Point3<f64>>) {
     // Along a direction that is no edge of anything few points lie side by side.
     let along = Vector3::new(0.374_1, 0.541_3, 0.752_9);

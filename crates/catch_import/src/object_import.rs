@@ -25,7 +25,7 @@ use catch_recording::whole_file::COMMAND_LINE;
 use draft::Draft;
 use source::Source;
 
-/// What is asked for when an object is imported.
+/// Options of an object's import.
 #[derive(Debug, Clone, Default)]
 pub struct ImportOptions {
     /// The link of a description with several.
@@ -49,7 +49,8 @@ pub struct ImportedObject {
     pub known: String,
     /// Files beside it, by their names.
     pub beside: Vec<(String, Vec<u8>)>,
-    /// Where the shape is from, its unit, each repair, and what of a description was not believed.
+    /// Findings of the import: the source of the shape, its unit, each repair, and what of a description was
+    /// not believed.
     pub findings: Vec<String>,
 }
 

@@ -1,5 +1,5 @@
-//! What one flight tells of all cameras: residuals, derivatives, and the elimination of what is the flight's
-//! own.
+//! Contribution of one flight to the equations of all cameras: residuals, derivatives, and the elimination of
+//! the flight's own parameters.
 
 use catch_body::Pose;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Point3, SMatrix, Vector3};
@@ -29,7 +29,7 @@ const LEAST_SPAN_S: f64 = 0.05;
 /// Rounds of the first fit.
 const FIRST_ROUNDS: usize = 15;
 
-/// What is estimated of one camera.
+/// Parameters of one camera.
 #[derive(Debug, Clone, Copy)]
 pub struct CameraState {
     pub X_WC: Pose,
@@ -83,7 +83,7 @@ pub struct Row {
     pub by_flight: SMatrix<f64, 3, OF_FLIGHT>,
 }
 
-/// What a flight tells of what is estimated in common.
+/// Information of a flight about the parameters that all flights have in common.
 pub struct FlightEquations {
     pub information: DMatrix<f64>,
     pub pull: DVector<f64>,

@@ -14,7 +14,7 @@ use serde_json::Value;
 const COVERS_95: f64 = 12.592;
 const SD_RAD: f64 = 5e-4;
 const SD_M: f64 = 1e-3;
-/// What all cameras have in common: a rotation about each axis of W, and a displacement.
+/// Errors that all cameras have in common: a rotation about each axis of W, and a displacement.
 const COMMON_SD_RAD: f64 = 5e-4;
 const COMMON_SD_M: f64 = 1.5e-3;
 const SCALE_SD: f64 = 1e-3;
@@ -40,7 +40,7 @@ impl Random {
     }
 }
 
-/// What is true, and what a calibration says of it.
+/// True values, and what a calibration states of them.
 struct World {
     true_poses: Vec<Pose>,
     calibration: Calibration,
@@ -145,7 +145,7 @@ impl World {
         refine(&self.calibration, flights, &self.settings)
     }
 
-    /// How far a camera is off: rotation, then translation.
+    /// Error of a camera: rotation, then translation.
     fn error(&self, calibration: &Calibration, camera: usize) -> Vector6<f64> {
         let off = calibration.cameras[camera].X_WC.inv_mul(&self.true_poses[camera]);
         let (r, p) = (off.rotation.scaled_axis(), off.translation.vector);
@@ -164,7 +164,7 @@ impl World {
         errors.dot(&factor.solve(&errors)) / errors.len() as f64
     }
 
-    /// How far the second camera is from where it should be, seen by the first: 1 m in front of it.
+    /// Distance of the second camera from where it should be, seen by the first: 1 m in front of it.
     fn apart_m(&self, calibration: &Calibration) -> f64 {
         let p_W = self.true_poses[0] * nalgebra::Point3::new(0.0, 0.0, 1.0);
         let seen = |i: usize| calibration.cameras[i].X_WC * self.true_poses[i].inverse_transform_point(&p_W);
@@ -269,7 +269,7 @@ fn noise_that_nobody_said_makes_claims_larger_but_not_larger_than_before() {
     }
 }
 
-/// One camera alone tells the vertical in its own images.
+/// A single camera determines the vertical in its own images.
 #[test]
 fn a_single_camera_tells_the_vertical() {
     let mut random = Random::new(10);

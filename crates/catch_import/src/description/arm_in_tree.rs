@@ -9,7 +9,7 @@ use super::{
 };
 use catch_body::{InputError, MAX_JOINTS};
 
-/// So many joints in a row are an arm where several branches could go on.
+/// Least number of joints in a row that are an arm where several branches could go on.
 const LEAST_ARM_JOINTS: usize = 3;
 /// After so many joints a branch is a hand.
 const MOST_JOINTS_BEFORE_A_HAND: usize = 5;
@@ -129,8 +129,8 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// Whether the last joint of an arm can be no jaw: it turns far or both ways alike, it carries something,
-    /// or it bears its link in the middle.
+    /// Checks that the last joint of an arm is no jaw: it rotates far or both ways alike, it carries
+    /// something, or it bears its link in the middle.
     fn is_no_jaw(&self, last: &TreeJoint) -> Result<(), InputError> {
         let is_end = self.description.joints_of(&last.child).is_empty();
         let Some([lower, upper]) = last.range.filter(|_| is_end) else { return Ok(()) };
@@ -171,7 +171,7 @@ impl<'a> Tree<'a> {
     }
 }
 
-/// Whether one of the joints has that name.
+/// Returns whether one of the joints has that name.
 fn is_among(name: &str, joints: &[&TreeJoint]) -> bool {
     joints.iter().any(|it| it.name == name)
 }

@@ -45,7 +45,7 @@ pub fn limb_of(joint: &TreeJoint) -> Limb {
     }
 }
 
-/// Whether a name is one of a finger that can move. One of `leftfinger` is.
+/// Returns whether a name is one of a finger that can move. One of `leftfinger` is.
 pub fn is_of_a_finger(name: &str) -> bool {
     let words = words(name);
     let is_finger = |it: &String| {

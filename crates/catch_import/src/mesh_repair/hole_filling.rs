@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector3};
 use super::edges::Edges;
 use catch_body::TriangleMesh;
 
-/// What was filled, and what was not.
+/// Result of filling holes.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Filling {
     /// Holes that were filled.
@@ -84,7 +84,7 @@ fn middle(points: &[Point3<f64>]) -> Point3<f64> {
     Point3::from(points.iter().map(|it| it.coords).sum::<Vector3<f64>>() / points.len() as f64)
 }
 
-/// How wide a hole is: the distance across a slit, the diameter of a circle.
+/// Width of a hole in metres: the distance across a slit, the diameter of a circle.
 fn width_m(rim: &[Point3<f64>]) -> f64 {
     let centre = middle(rim);
     let sides = || rim.iter().zip(rim.iter().cycle().skip(1));

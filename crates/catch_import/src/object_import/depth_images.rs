@@ -21,7 +21,7 @@ pub(super) const RIG: &str = "rig.toml";
 const MOST_FILES: usize = 10_000;
 /// A millimetre is what a depth of 1 means, unless the scale is given.
 const UNIT_M: f64 = 1e-3;
-/// What is farther than this from the origin of R is behind the object.
+/// Distance from the origin of R beyond which a point is behind the object.
 const OBJECT_WITHIN_M: f64 = 0.3;
 /// Pixels to either side over which depths are smoothed.
 const SMOOTHING_PX: isize = 2;

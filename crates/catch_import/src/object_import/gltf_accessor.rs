@@ -90,7 +90,7 @@ pub(super) fn rows(buffers: &Buffers, node: Node, kind: &str) -> Result<Vec<f64>
     Ok(numbers)
 }
 
-/// How the numbers of a row are written.
+/// Layout of the numbers of a row.
 #[derive(Clone, Copy)]
 struct Layout {
     columns: usize,

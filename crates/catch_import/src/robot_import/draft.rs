@@ -13,17 +13,17 @@ use super::{geometry::BodyShape, joint_limits::JointLimitFields};
 pub struct Draft {
     /// Name of the robot.
     pub name: String,
-    /// What it was made from.
+    /// Source of the robot.
     pub source: String,
     /// The arm.
     pub chain: Chain,
     /// Shapes of the base and of each moved body.
     pub shapes: Vec<BodyShape>,
-    /// What the arm's joints may do.
+    /// Values of the arm's joints.
     pub joints: Vec<JointValues>,
     /// Mass properties of each moved body.
     pub inertias: Vec<Stated<Inertia>>,
-    /// How high the base stands above the floor.
+    /// Height of the base above the floor, in metres.
     pub base_height_m: f64,
     /// Pose of the gripper on the last body.
     pub X_LG: Stated<Pose>,
@@ -31,7 +31,7 @@ pub struct Draft {
     pub ignored_neighbours: usize,
     /// Far from the ends of the ranges.
     pub comfortable_rad: Vec<f64>,
-    /// Where the arm waits.
+    /// Joint positions in which the arm waits.
     pub ready_rad: Vec<f64>,
 }
 
@@ -41,7 +41,7 @@ fn text_in_xml(text: &str) -> String {
     escaped.iter().fold(text.to_owned(), |text, (letter, name)| text.replace(letter, name))
 }
 
-/// What a joint may do.
+/// Values of a joint: its limits and its rotor inertia.
 #[derive(Debug, Clone)]
 pub struct JointValues {
     /// Lowest and highest position in radians.
@@ -81,8 +81,8 @@ pub struct GivenValues {
 }
 
 impl JointValues {
-    /// What is given by hand comes first; of what `joint_limits.yaml` and the description state, the
-    /// narrower; the rest is assumed.
+    /// Combines the sources of a joint's values: those given by hand come first; of those that
+    /// `joint_limits.yaml` and the description state, the narrower; the rest is assumed.
     ///
     /// # Errors
     /// A range that is none, or in other units; `file` is the description.
@@ -123,7 +123,7 @@ impl JointValues {
     }
 }
 
-/// What all bounds that anybody states leave of a joint's range; where there is none, a whole turn is
+/// Range of a joint that is left by all bounds that anybody states; where there is none, a whole turn is
 /// assumed.
 fn range_of(file: &str, joint: &TreeJoint, limits: &JointLimitFields) -> Result<Stated<[f64; 2]>, InputError> {
     let field = || format!("joint {}: limit", joint.name);
@@ -376,7 +376,7 @@ pub fn limits_of(limits: &BTreeMap<String, JointLimitFields>, name: &str) -> Joi
     limits.get(name).copied().or_else(|| by_end().map(|(_, it)| *it)).unwrap_or_default()
 }
 
-/// Whether an entry of limits is of a joint.
+/// Returns whether an entry of limits is of a joint.
 pub fn is_joint(key: &str, joint: &str) -> bool {
     !key.is_empty() && joint.ends_with(key)
 }

@@ -11,7 +11,7 @@ const HARMLESS: [&str; 3] = ["edge", "camera", "material"];
 /// A header is no longer.
 const MOST_HEADER_BYTES: usize = 100_000;
 
-/// What a PLY file holds.
+/// Contents of a PLY file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PlyFile {
     /// Places in the unit of the file.
@@ -22,7 +22,7 @@ pub struct PlyFile {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// How numbers are written.
+/// Encoding of numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Encoding {
     Text,
