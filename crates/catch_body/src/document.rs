@@ -20,9 +20,9 @@ pub use xml::root_element;
 
 /// Elements, attributes, keys and items of a document at most.
 pub const MOST_PARTS: usize = 2_000_000;
-/// Faults of one document that are told at once.
+/// Greatest number of faults of one document that are reported at once.
 const MOST_FAULTS: usize = 12;
-/// Stands for no part.
+/// Index that stands for no part.
 pub const NONE: u32 = u32::MAX;
 
 /// Names that say nothing to this program, by the name of what they stand in; `*` is any, and attributes
@@ -150,7 +150,7 @@ impl Document {
         self.parts[part as usize].text = text.into();
     }
 
-    /// Says whether a part is a list, whose items have no name.
+    /// Sets whether a part is a list, whose items have no name.
     pub fn set_list(&mut self, part: u32, is_list: bool) {
         self.parts[part as usize].is_list = is_list;
     }

@@ -164,7 +164,7 @@ impl Gripper {
         })
     }
 
-    /// With the parts that it has in the paper's simulator, if its file says so.
+    /// Gives the gripper the parts that it has in the paper's simulator, if its file lists them.
     pub fn as_published(self) -> Self {
         Self { is_published: true, ..self }
     }

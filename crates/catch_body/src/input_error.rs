@@ -29,7 +29,7 @@ pub struct InputError {
     pub found: String,
     /// Value that would be right.
     pub expected: String,
-    /// More faults that were found with it.
+    /// Further faults that were found with this one.
     pub also: Box<[InputError]>,
     /// True if nothing is wrong with the input, but a result could not be written.
     pub of_output: bool,
@@ -115,9 +115,9 @@ impl InputError {
     }
 }
 
-/// Most characters of what a message says was found.
+/// Greatest number of characters of what a message says was found.
 const MOST_CHARACTERS: usize = 400;
-/// Numbers with more digits in a row than any f64 needs are told by their power of ten.
+/// Greatest number of digits that an f64 needs; numbers with more in a row are given by their power of ten.
 const MOST_DIGITS: usize = 17;
 
 /// A text for one message: long numbers by their power of ten, long texts by their beginning.

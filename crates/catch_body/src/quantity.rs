@@ -182,7 +182,7 @@ impl<'de, T: Numbers<'de>> Visitor<'de> for List<T> {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut elements: A) -> Result<Self::Value, A::Error> {
         let mut list = Vec::new();
-        // What is left of a list that is too long is the reader's to complain of.
+        // Elements beyond the length of the list are left to the reader to complain of.
         while self.length != Some(list.len())
             && let Some(element) = elements.next_element_seed(Element(self.range, PhantomData::<T>))?
         {
@@ -385,7 +385,6 @@ quantities! {
     flight_s FLIGHT_S = 0.1 to 1.9 "s";
     /// Steps of a simulation.
     step_s STEP_S = 0.00001 to 0.002 "s, beyond which contacts are wrong";
-    /// Counts of the steps of a solver.
     /// Widths and heights of images.
     image_px IMAGE_PX = 1.0 to 8192.0 "pixels";
     /// Focal lengths.

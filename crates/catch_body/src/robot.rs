@@ -1,4 +1,4 @@
-//! The model of a serial arm: joints, links, limits, outline.
+//! Model of a serial arm: joints, links, limits, collision geometry.
 
 use std::collections::BTreeMap;
 
@@ -176,8 +176,8 @@ pub struct Robot {
     pub comfortable_q: JointVector,
     /// Joint positions in which the arm waits unless others are given.
     pub ready_q: JointVector,
-    /// The arm's outline: capsules in the frame of link `.0`, link 0 being the base and link i the one that
-    /// joint i moves.
+    /// Collision geometry of the arm: capsules in the frame of link `.0`, link 0 being the base and link i
+    /// the one that joint i moves.
     pub capsules: Vec<(usize, Capsule)>,
     /// Links at most this far apart in the chain are not checked for collision with each other.
     pub ignored_neighbours: usize,

@@ -383,7 +383,7 @@ fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &Robo
     })
 }
 
-/// More capsules are refused: each pair costs time in every clearance.
+/// Greatest number of capsules: each pair costs time in every clearance.
 const MOST_CAPSULES: usize = 128;
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ use node::Node;
 
 /// Letters of a value that are repeated in an error.
 const MOST_LETTERS: usize = 80;
-/// Faults of one file that are told at once.
+/// Greatest number of faults of one file that are reported at once.
 const MOST_FAULTS: usize = 20;
 
 impl InputError {
@@ -90,7 +90,7 @@ enum Step {
 /// Fault at a place of a document.
 #[derive(Debug)]
 struct Fault {
-    /// From the inside out while it is handed up, then from the outside in.
+    /// Path to the place, from the inside out while it is handed up, then from the outside in.
     path: Vec<Step>,
     found: String,
     expected: String,
@@ -102,9 +102,9 @@ struct Fault {
 enum FaultKind {
     /// A number out of its range.
     Range,
-    /// Something of another kind, a list of another length.
+    /// A value of another kind, or a list of another length.
     Kind,
-    /// Anything else.
+    /// Any other fault.
     Other,
 }
 

@@ -125,9 +125,9 @@ pub fn parse(file: &str, text: &str) -> Result<Document, InputError> {
 pub struct Urdf<'a> {
     /// Name of the robot.
     pub name: String,
-    /// By name.
+    /// Links by their names.
     links: BTreeMap<&'a str, Element<'a>>,
-    /// By the names of their parents.
+    /// Joints by the names of their parents.
     joints: BTreeMap<&'a str, Vec<Element<'a>>>,
     /// Links that some joint moves.
     children: HashSet<&'a str>,
@@ -271,7 +271,7 @@ impl<'a> Element<'a> {
         self.node.children(name).enumerate().map(move |(i, node)| self.within(node, &format!("{name} {}", i + 1)))
     }
 
-    /// Says that nothing within it is used.
+    /// Marks the element and all within it as not used.
     pub fn leave_out(&self) {
         self.node.leave_out();
     }

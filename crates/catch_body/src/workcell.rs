@@ -132,8 +132,8 @@ impl Obstacle {
         Self { name, ball: (capsule.centre(), capsule.bounding_radius()), solid: Solid::Capsule(capsule) }
     }
 
-    /// At least this far in metres a ball is from it; less where it is inside of the ball around the
-    /// obstacle.
+    /// Lower bound in metres of the distance from a ball to the obstacle; negative where the ball overlaps
+    /// the one around the obstacle.
     pub fn least_distance_to_ball(&self, centre_W: &Point3<f64>, radius: f64) -> f64 {
         (centre_W - self.ball.0).norm() - self.ball.1 - radius
     }

@@ -57,7 +57,7 @@ pub fn arm_at_rest(samples: &[ArmSample], time_s: f64) -> Option<ArmSample> {
 mod tests {
     use super::*;
 
-    /// Three samples of q = t³, which cubic interpolation gives exactly.
+    /// Cubic interpolation of three samples of q = t³ is exact.
     #[test]
     fn a_cubic_motion_is_interpolated_exactly() {
         let sample = |time_s: f64| ArmSample {

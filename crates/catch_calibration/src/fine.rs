@@ -24,7 +24,7 @@ const HUBER_SD: f64 = 2.5;
 const OUTLIER_SD: f64 = 6.0;
 /// Standard deviation of the number of pixels on a line of which nothing is known yet.
 const FIRST_SHOWN_SD_PX: f64 = 4.0;
-/// Over that of the data sheet, the same of depths.
+/// First standard deviation of depths, over that of the data sheet.
 const FIRST_DEPTH_SD: f64 = 4.0;
 /// Standard deviations over the data sheet's, and in pixels, that no images have less than.
 const LEAST_DEPTH_SD: f64 = 0.2;
@@ -48,7 +48,7 @@ pub struct Observed<'a> {
     pub still: StillImage,
 }
 
-/// All that is compared.
+/// Measurements and model that are compared.
 pub struct Problem<'a> {
     pub robot: &'a Robot,
     pub gripper: &'a Gripper,
@@ -80,11 +80,11 @@ struct Spread {
 /// Extent of a step: its images, and whether correlations are estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Pass {
-    /// Some images, silhouettes far around.
+    /// A step with some images, silhouettes far around.
     First,
-    /// All images.
+    /// A step with all images.
     All,
-    /// All images; neighbours' correlation is looked at.
+    /// A step with all images, in which neighbours' correlation is estimated.
     Correlating,
 }
 
@@ -123,7 +123,7 @@ impl Problem<'_> {
                 break;
             }
         }
-        // What neighbours have in common changes the weights, and so the optimum.
+        // The correlation of neighbours changes the weights, and so the optimum.
         state.step(Pass::Correlating);
         let mut equations = None;
         for _ in 0..REWEIGHTED_STEPS {

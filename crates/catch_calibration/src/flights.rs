@@ -88,7 +88,7 @@ impl Default for FlightSettings {
 /// Outcome of a refinement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FlightStatus {
-    /// All is well.
+    /// The calibration was refined.
     Refined,
     /// No flight has enough sightings, or no camera was calibrated.
     TooFewSightings,
@@ -161,7 +161,7 @@ pub fn refine(calibration: &Calibration, flights: &[Flight], settings: &FlightSe
     }
 }
 
-/// All that is estimated, and what is known of it beforehand.
+/// Parameters that are estimated, and their priors.
 struct Problem {
     /// Indices of the cameras that are refined.
     refined: Vec<usize>,
@@ -278,7 +278,7 @@ impl Problem {
                 break;
             }
         }
-        // Where sightings go on to count and not to count in turn, steps stay as large as these are.
+        // Steps stay as large as these are if sightings alternate between counting and not.
         (length_sd < NOT_LARGE_SD).then_some(())
     }
 

@@ -119,11 +119,11 @@ pub struct Config {
     pub scale_sd: f64,
     /// Standard deviation of the time between the clocks of a camera and the arm, in seconds.
     pub time_offset_sd_s: f64,
-    /// Standard deviation of each joint's zero, in radians; zero is exact. The images tell it, if it is not
-    /// set.
+    /// Standard deviation of each joint's zero, in radians; zero is exact. It is estimated from the images,
+    /// if it is not set.
     pub joint_zero_sd_rad: Option<f64>,
-    /// Standard deviation of how far the surface of each link is from its model, in metres; zero is exact.
-    /// The images tell it, if it is not set.
+    /// Standard deviation of how far the surface of each link is from its model, in metres; zero is exact. It
+    /// is estimated from the images, if it is not set.
     pub link_sd_m: Option<f64>,
     /// Standard deviations of the gripper's mount, in metres and radians about each axis.
     pub mount_sd_m: f64,
@@ -186,7 +186,7 @@ impl Config {
 /// Outcome of the calibration of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CalibrationStatus {
-    /// All is well.
+    /// The calibration converged.
     Converged,
     /// Fewer than three images show the arm.
     TooFewImages,
@@ -208,7 +208,7 @@ pub struct CameraCalibration {
     /// Covariance of X_WC·exp(ω, v): rotation about the axes of C in radians, then translation along them in
     /// metres.
     pub covariance: Matrix6<f64>,
-    /// Measured depths are true ones times 1 + this.
+    /// Relative error of depths: measured depths are true ones times 1 + this.
     pub depth_scale: f64,
     /// Offset to be added to the time stamps of the camera's images, in seconds.
     pub time_offset_s: f64,

@@ -60,7 +60,7 @@ impl ImageEquations {
 mod tests {
     use super::*;
 
-    /// Two parameters and one that is eliminated, against the whole system.
+    /// Elimination of one of three parameters agrees with the solution of the whole system.
     #[test]
     fn elimination_is_the_whole_systems_solution() {
         let rows = [[1.0, 0.5, 1.0], [0.2, 1.0, 1.0], [0.9, -0.4, 1.0], [0.1, 0.1, 1.0]];

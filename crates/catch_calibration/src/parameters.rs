@@ -37,7 +37,7 @@ const TOLD: [f64; 2] = [0.02, 10.0];
 /// Images that determine fewer than so many of the zeros, or surfaces, do not tell their standard deviation.
 const DETERMINED: f64 = 0.5;
 
-/// No link is thinner, in metres.
+/// Least radius of a link, in metres.
 const LEAST_RADIUS_M: f64 = 0.001;
 
 /// Parameters of one camera.

@@ -61,7 +61,7 @@ impl<'a> Rendering<'a> {
                 bodies.push(Body { part, X_BC, caster, nearest_m: centre_C.z - caster.radius(), window });
             }
         }
-        // What is known to be hidden costs little.
+        // Surfaces that are known to be hidden cost little.
         bodies.sort_by(|one, two| one.nearest_m.total_cmp(&two.nearest_m));
         let arm = bodies.iter().filter(|it| it.part != SurfacePart::Obstacle);
         let window = arm.map(|it| it.window).reduce(hull).map(|it| widened(&it, &full)).unwrap_or_default();

@@ -42,15 +42,15 @@ pub struct CalibrationRun {
 
 #[derive(Debug, Clone, Copy)]
 enum Phase {
-    /// Nothing is under way.
+    /// No motion is under way.
     Ready,
-    /// On the way to a pose; whether images in motion have been asked for.
+    /// A motion to a pose is under way; `has_looked` is true if images in motion have been asked for.
     Moving { id: TrajectoryId, start_s: f64, end_s: f64, has_looked: bool },
     /// Looking since then.
     Looking { from_s: f64, images: usize },
     /// The last images are under way.
     Ending { from_s: f64 },
-    /// All is done.
+    /// All poses are done.
     Done,
 }
 

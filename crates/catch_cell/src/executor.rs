@@ -54,7 +54,7 @@ pub enum LimitCheck {
     Reject,
     /// The trajectory is taken, and the caller gets the limits that it breaks.
     Report,
-    /// Nothing is checked.
+    /// Limits are not checked.
     Off,
 }
 
@@ -91,7 +91,7 @@ impl Executor {
     /// Returns the limits that it breaks: none unless [`LimitCheck::Report`] is set.
     ///
     /// # Errors
-    /// Why it was rejected; the next [`arm_state`](Self::arm_state) tells the brain.
+    /// The reason for the rejection; the next [`arm_state`](Self::arm_state) reports it to the brain.
     pub fn receive(&mut self, trajectory: &ArmTrajectory, now_s: f64) -> Result<Vec<LimitViolation>, Rejection> {
         let ArmTrajectory { id, spline } = trajectory;
         let checked = self.check(*id, spline, now_s);
@@ -186,7 +186,7 @@ impl Executor {
         self.setpoint(time_s)
     }
 
-    /// The state that the brain is told, with what was rejected since the last call: `q` and `dq` as the
+    /// State that is reported to the brain, with what was rejected since the last call: `q` and `dq` as the
     /// encoders have them at `time_s`.
     pub fn arm_state(&mut self, time_s: f64, q: JointVector, dq: JointVector) -> ArmState {
         let (executing, spline) = &self.queue[self.executing(time_s)];
@@ -195,7 +195,7 @@ impl Executor {
             time_s,
             q,
             dq,
-            // What holds the arm at the beginning stands still, whatever rounding makes of its derivatives.
+            // An arm that is held at the beginning stands still, whatever rounding makes of its derivatives.
             commanded: if executing.is_some() { commanded } else { Setpoint::at_rest(commanded.q) },
             executing: *executing,
             rejected: std::mem::take(&mut self.rejected),
@@ -225,7 +225,7 @@ pub(crate) mod tests {
         Executor::new(robot, q, config)
     }
 
-    /// From rest to rest with this change of the first joint's position, slow enough for all limits.
+    /// A motion from rest to rest with this change of the first joint's position, slow enough for all limits.
     fn motion(id: u64, start_s: f64, from: JointVector, by_rad: f64) -> ArmTrajectory {
         let steps = [0.0, 0.0, 0.0, 0.2, 0.5, 0.8, 1.0, 1.0, 1.0];
         let control_points: Vec<JointVector> =
@@ -257,7 +257,8 @@ pub(crate) mod tests {
         }
     }
 
-    /// All that is wrong, one after the other: each is told with its reason and the old trajectory goes on.
+    /// Every kind of wrong trajectory, one after the other, is rejected with its reason, and the old one goes
+    /// on.
     #[test]
     fn every_rejection_says_what_and_where() {
         let mut executor = executor(ExecutorConfig::default());

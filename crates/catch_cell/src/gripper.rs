@@ -24,14 +24,14 @@ pub struct GripperState {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GraspState {
-    /// The fingers stand where they were told to.
+    /// The fingers stand where they were commanded to.
     #[default]
     Idle,
     /// The fingers open.
     Positioning,
     /// The fingers close.
     Grasping,
-    /// Something between them keeps them from closing, and they press with the force of the move.
+    /// The fingers are kept from closing by something between them, and press with the force of the move.
     Holding,
     /// The fingers closed as far as commanded and met nothing.
     NoPart,

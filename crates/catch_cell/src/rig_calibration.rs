@@ -16,7 +16,7 @@ pub struct RigCalibration {
     /// translations along them.
     #[serde(deserialize_with = "quantity::pose_covariance")]
     pub covariance: Vec<f64>,
-    /// Measured depths are true ones times 1 + this.
+    /// Relative error of depths: measured depths are true ones times 1 + this.
     #[serde(deserialize_with = "quantity::scale_error")]
     pub depth_scale: f64,
     /// Offset to be added to the time stamps of the camera's images.

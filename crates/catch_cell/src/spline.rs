@@ -26,7 +26,7 @@ impl Setpoint {
         Self { q, dq: JointVector::zeros(), ddq: JointVector::zeros() }
     }
 
-    /// Per joint, the largest difference of positions, velocities or accelerations.
+    /// Distance per joint: the largest difference of positions, velocities or accelerations.
     pub fn distance(&self, other: &Self) -> JointVector {
         (self.q - other.q).abs().sup(&(self.dq - other.dq).abs()).sup(&(self.ddq - other.ddq).abs())
     }

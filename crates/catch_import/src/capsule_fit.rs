@@ -14,7 +14,7 @@ pub const MOST_CAPSULES: usize = 4;
 const LEAST_SAVING: f64 = 0.12;
 /// Places where a surface is cut in two, as fractions of its extent.
 const CUTS: [f64; 7] = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
-/// Added to every radius, so that rounding leaves nothing outside.
+/// Margin in metres that is added to every radius, so that rounding leaves nothing outside.
 const MARGIN_M: f64 = 1e-6;
 
 /// Capsules that hold a surface between them, at most [`MOST_CAPSULES`]: each triangle is inside one of them.

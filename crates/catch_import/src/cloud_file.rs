@@ -108,7 +108,7 @@ impl CloudFile {
         Ok(())
     }
 
-    /// Without normals if none of them has a direction, else without the points of those that have none.
+    /// Drops the normals if none of them has a direction, else the points of those that have none.
     fn with_directions(mut self) -> Self {
         let Some(normals) = self.normals.take() else { return self };
         let has_one: Vec<bool> = normals.iter().map(|it| *it != Vector3::zeros()).collect();

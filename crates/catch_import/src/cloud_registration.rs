@@ -43,8 +43,8 @@ pub struct Registration {
     pub information: Option<Matrix6<f64>>,
     /// Distance of the points from the reference's surface, in metres.
     pub residual_m: Option<f64>,
-    /// Under what the reference looks the same: `none`, `half_turn`, `finite` (another finite group), `axis`
-    /// or `sphere`.
+    /// Rotations under which the reference looks the same: `none`, `half_turn`, `finite` (another finite
+    /// group), `axis` or `sphere`.
     pub symmetry: &'static str,
 }
 

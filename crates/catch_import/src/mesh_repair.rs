@@ -24,13 +24,13 @@ pub struct RepairLimits {
 /// The closed surface of a solid, and what was done to get it.
 #[derive(Debug, Clone)]
 pub struct Repaired {
-    /// Closed, its triangles facing outwards.
+    /// Closed surface, its triangles facing outwards.
     pub mesh: TriangleMesh,
     /// Repairs, one entry for each kind, in the order in which they were made.
     pub repairs: Vec<Repair>,
 }
 
-/// Something that was done to a surface.
+/// A kind of repair of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Repair {
     /// Vertices that lie this close to each other became one.
@@ -42,9 +42,9 @@ pub enum Repair {
     },
     /// Triangles without three corners, or there twice, were left out.
     Dropped(usize),
-    /// Triangles were turned so that neighbours face the same way.
+    /// Triangles were flipped so that neighbours face the same way.
     Turned(usize),
-    /// Shells that were inside out were turned.
+    /// Shells that were inside out were flipped.
     ShellsTurned(usize),
     /// Shells inside another one, or specks beside the solid, were left out.
     ShellsDropped(usize),
@@ -291,8 +291,8 @@ fn unbalanced(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
     Edges::of(triangles).groups().filter(is_unbalanced).map(|it| (it[0].0, it[0].1)).collect()
 }
 
-/// Turns triangles so that neighbours face the same way; for each the number of its shell, and how many were
-/// turned.
+/// Flips triangles so that neighbours face the same way. Returns the number of each one's shell, and how many
+/// were flipped.
 ///
 /// Neighbours share an edge that no third triangle has. Of each shell the smaller part is turned.
 fn orient(triangles: &mut [[u32; 3]]) -> (Vec<u32>, usize) {
@@ -350,7 +350,7 @@ mod tests {
         TriangleMesh::cuboid(&Cuboid { centre: Point3::origin(), size: Vector3::repeat(size_m) })
     }
 
-    /// Each triangle with corners of its own, moved by up to `noise_m`.
+    /// A soup of triangles, each with corners of its own, moved by up to `noise_m`.
     fn soup(mesh: &TriangleMesh, noise_m: f64) -> TriangleMesh {
         let mut soup = TriangleMesh::default();
         for (i, corners) in mesh.all_corners().enumerate() {

@@ -35,7 +35,7 @@ impl<'d> Node<'d> {
         self.part().first_child == NONE && matches!(self.text(), "" | "~" | "null" | "Null" | "NULL")
     }
 
-    /// All within it, asked for or not.
+    /// All parts within this one, asked for or not.
     pub(super) fn parts(self) -> impl Iterator<Item = Self> {
         let of = move |index: u32| (index != NONE).then_some(Self { document: self.document, index });
         std::iter::successors(of(self.part().first_child), move |it| of(it.part().next))
@@ -52,7 +52,7 @@ impl<'d> Node<'d> {
         self
     }
 
-    /// Says that it and all within it belongs to what is not used.
+    /// Marks the part and all within it as not used.
     pub fn leave_out(self) {
         self.part().state.set(State::LeftOut);
     }
@@ -190,7 +190,7 @@ impl<'d> Node<'d> {
         harmless.iter().any(|(parent, names)| (*parent == "*" || *parent == above) && names.iter().any(&is_this))
     }
 
-    /// Says that nobody asked for it, and what would be read in its place.
+    /// Fault of a part that nobody asked for: states what would be read in its place.
     pub(super) fn unread(self) -> InputError {
         let Self { document, .. } = self;
         let parent = self.above().map_or(0, Self::kind);

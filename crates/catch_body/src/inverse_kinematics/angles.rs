@@ -15,7 +15,7 @@ pub struct Sinusoid {
 }
 
 impl Sinusoid {
-    /// By a and b.
+    /// The sinusoid with coefficients a and b.
     pub fn new([a, b]: [f64; 2]) -> Self {
         Self { phase: libm::atan2(b, a), amplitude: libm::hypot(a, b) }
     }
@@ -28,7 +28,7 @@ impl Sinusoid {
     }
 }
 
-/// A vector turned about an axis, by the formula of Rodrigues.
+/// Rotation of a vector about an axis, by the formula of Rodrigues.
 #[derive(Debug, Clone, Copy)]
 pub struct AxisRotation {
     axis: Vector3<f64>,
@@ -37,7 +37,7 @@ pub struct AxisRotation {
 }
 
 impl AxisRotation {
-    /// By an angle about an axis.
+    /// The rotation by an angle about an axis.
     pub fn new(axis: &Vector3<f64>, angle: f64) -> Self {
         let (sin, cos) = libm::sincos(angle);
         Self { axis: *axis, sin, cos }

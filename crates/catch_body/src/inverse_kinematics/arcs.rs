@@ -94,7 +94,7 @@ impl Arc {
         Self::between(middle - half, middle + half)
     }
 
-    /// From `low` to `high` ≤ `low` + 2π, wrapped at ±π.
+    /// Arc from `low` to `high` ≤ `low` + 2π, wrapped at ±π.
     fn between(low: f64, high: f64) -> Self {
         use std::f64::consts::{PI, TAU};
         let mut arcs = Self::NONE;
@@ -114,7 +114,7 @@ impl Arc {
 impl TwoArcs {
     /// Angles at which both forms are positive.
     fn where_both_positive(one: &Harmonic, two: &Harmonic) -> Self {
-        // Where one is positive nowhere the costly question need not be asked of the other.
+        // Forms are intersected only if both may be positive: the costly test is skipped otherwise.
         let may_be_positive = |h: &Harmonic| h.x >= 0.0 || h.x * h.x <= h.y * h.y + h.z * h.z;
         if may_be_positive(one) && may_be_positive(two) {
             Arc::where_positive(one).intersection(&Arc::where_positive(two))
@@ -199,7 +199,7 @@ pub struct Branch {
 }
 
 impl Branch {
-    /// All of them, in the order of [`SrsArm::solve`].
+    /// All branches, in the order of [`SrsArm::solve`].
     pub const ALL: [Self; 8] = {
         let mut all = [Self { elbow: false, shoulder: false, wrist: false }; 8];
         let mut i = 0;
@@ -258,7 +258,7 @@ impl SrsArm {
         }
     }
 
-    /// By how much at most each joint turns, in radians, while the elbow moves by up to `by` radians from
+    /// Upper bound of each joint's rotation in radians while the elbow moves by up to `by` radians from
     /// `swivel`.
     ///
     /// A form changes by r·by at most; so does the direction (x, y) whose angle a joint is.

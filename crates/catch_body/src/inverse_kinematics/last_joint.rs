@@ -38,7 +38,8 @@ fn easiest(
     ranges: &Ranges,
     (part, parts): (usize, usize),
 ) -> impl Iterator<Item = JointVector> {
-    // What is more than half a turn away is nearer the other way round, where that is within the range.
+    // An angle that is more than half a turn away is nearer the other way round, where that is within the
+    // range.
     let [low, high] = match ranges[6] {
         [low, high] if high - low > TAU => {
             let low = (from[6] - PI).clamp(low, high - TAU);

@@ -46,7 +46,7 @@ impl Robot {
             if size < TOLERANCE {
                 return Some(q);
             }
-            // What has not halved in a few steps is stuck at the ends of the ranges.
+            // An error that has not halved in a few steps is stuck at the ends of the ranges.
             if step % 4 == 3 {
                 if size > before / 2.0 {
                     return None;
@@ -94,7 +94,7 @@ impl Robot {
         found
     }
 
-    /// Some joint positions within `ranges` that put the gripper at `X_WG`, those along the redundancy of an
+    /// Some joint positions within `ranges` that put the gripper at `X_WG`, those along the null space of an
     /// arm of more than six joints among them. Starts at `from`, then all over the ranges.
     pub fn solutions_within(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<JointVector> {
         let dof = self.dof();

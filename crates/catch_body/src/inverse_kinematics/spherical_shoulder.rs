@@ -22,7 +22,7 @@ use crate::{
 /// Solutions of one pose and angle of the last joint: how joint 4 is bent, on which side of the line from
 /// shoulder to wrist axis 5 passes, and how joint 2 is.
 pub(super) const BRANCHES: usize = 8;
-/// All of them are wanted.
+/// Mask in which all branches are wanted.
 pub(super) const ALL_BRANCHES: u8 = u8::MAX;
 
 /// Directions that are closer to one line than this, as a sine, do not fix an orientation.
@@ -33,7 +33,7 @@ const SINGULAR: f64 = 1e-9;
 pub struct SphericalShoulderArm {
     axes: [Vector3<f64>; 7],
     shoulder: Point3<f64>,
-    /// From the elbow, a point on axis 4, to the wrist and to the shoulder.
+    /// Vectors from the elbow, a point on axis 4, to the wrist and to the shoulder.
     forearm: Vector3<f64>,
     upper_arm: Vector3<f64>,
     /// A point on the last axis, and the wrist from there.

@@ -67,7 +67,7 @@ impl ArmSurface {
         self.named_parts(X_WL, width_m).map(|(_, X_WB, caster)| (X_WB, caster))
     }
 
-    /// Every part as of [`Self::parts`], with the body that it belongs to.
+    /// Every part with the body that it belongs to, and otherwise as of [`Self::parts`].
     pub fn named_parts(&self, X_WL: &LinkPoses, width_m: f64) -> impl Iterator<Item = (SurfacePart, Pose, &RayCaster)> {
         let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
         let fingers = self.gripper.fingers(width_m).map(|finger| {

@@ -19,8 +19,8 @@ pub(super) struct LinkFields {
     /// Centre of mass in the link's frame.
     #[serde(deserialize_with = "quantity::offset_m")]
     com_m: [f64; 3],
-    /// Along the link's axes about the centre of mass: xx, yy, zz, xy, xz, yz. An object's file has another
-    /// order.
+    /// Moments of inertia along the link's axes about the centre of mass: xx, yy, zz, xy, xz, yz. An object's
+    /// file has another order.
     #[serde(deserialize_with = "quantity::inertia_kgm2")]
     inertia_kgm2: [f64; 6],
     /// True if nobody published the mass properties.

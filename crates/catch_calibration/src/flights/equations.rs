@@ -79,7 +79,7 @@ pub struct Row {
     pub residual: Vector3<f64>,
     pub by_camera: SMatrix<f64, 3, OF_CAMERA>,
     pub by_tilt: SMatrix<f64, 3, OF_TILT>,
-    /// By position, velocity and drag.
+    /// Derivatives by position, velocity and drag.
     pub by_flight: SMatrix<f64, 3, OF_FLIGHT>,
 }
 
@@ -101,7 +101,7 @@ pub struct Priors {
 }
 
 impl FlightState {
-    /// With the parabola that most sightings lie near.
+    /// The flight near whose parabola most sightings lie.
     pub fn new(mut seen: Vec<Seen>, cameras: &[CameraState]) -> Option<Self> {
         let time_s = |it: &Seen| it.sighting.capture_s + cameras[it.sighting.camera].time_offset_s;
         seen.sort_by(|a, b| time_s(a).total_cmp(&time_s(b)));
@@ -238,7 +238,7 @@ impl FlightState {
         Some(FlightEquations { information, pull, outliers, own, own_pull, coupling })
     }
 
-    /// With one of its parameters changed.
+    /// The flight with one of its parameters changed.
     #[cfg(test)]
     pub fn changed(&self, parameter: usize, by: f64) -> Self {
         let mut changed = self.clone();

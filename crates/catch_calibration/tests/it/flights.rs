@@ -250,8 +250,7 @@ fn outliers_do_not_count() {
     }
 }
 
-/// However large the noise is, nothing is claimed to be less certain than before, nor more certain than with
-/// less noise.
+/// Noise, however large, makes no claim less certain than before, nor more certain than less noise does.
 #[test]
 fn noise_that_nobody_said_makes_claims_larger_but_not_larger_than_before() {
     let mut random = Random::new(8);
@@ -279,7 +278,7 @@ fn a_single_camera_tells_the_vertical() {
     let found = world.refined(&flights);
     assert_eq!((found.status, found.flights), (FlightStatus::Refined, 20));
     assert!(found.tilt_sd_rad.iter().all(|it| *it < 0.005), "{:?}", found.tilt_sd_rad);
-    // What the cameras have in common is known better by the first one's camera, too, and that is all.
+    // The errors in common to the cameras are known better by the first one's camera, too, and that is all.
     let sd = |it: &Calibration| it.cameras[0].covariance.fixed_view::<3, 3>(3, 3).trace().sqrt();
     assert!(sd(&found.calibration) <= sd(&world.calibration) * (1.0 + 1e-9));
 }

@@ -18,11 +18,11 @@ const FLANGE_WORDS: [&str; 9] = ["tool0", "flange", "tool", "ee", "eef", "effect
 
 /// End of an arm.
 pub enum End<'a> {
-    /// At a frame that somebody chose.
+    /// The arm ends at a frame that somebody chose.
     Tip(&'a str),
     /// A hand begins at a link.
     Hand { at: &'a str, reason: String },
-    /// Nothing moves behind it.
+    /// No joint moves behind the end.
     Open,
 }
 

@@ -5,7 +5,7 @@ use super::TreeJoint;
 /// A part of a robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Limb {
-    /// Whatever no name says is another.
+    /// Arms, and all that no name says is another limb.
     Arm,
     /// Hands, grippers and their fingers.
     Hand,

@@ -107,7 +107,7 @@ impl<'a> Tree<'a> {
         self.places.get(joint.child.as_str()).map_or(0, |it| it.arm_joints) + usize::from(drives)
     }
 
-    /// All links from `link` on.
+    /// Links from `link` on, itself among them.
     pub fn below(&self, link: &'a str) -> Vec<&'a str> {
         let mut links = vec![link];
         let mut next = 0;

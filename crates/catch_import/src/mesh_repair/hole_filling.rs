@@ -64,7 +64,7 @@ fn rims(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     for start in starts {
         let (mut path, mut places) = (vec![start], HashMap::from([(start, 0)]));
         while let Some(next) = path.last().and_then(|at| onwards.get_mut(at)).and_then(Vec::pop) {
-            // Where a path meets itself a rim is complete.
+            // A rim is complete where a path meets itself.
             if let Some(at) = places.get(&next) {
                 let rim = path.split_off(*at);
                 for vertex in &rim {

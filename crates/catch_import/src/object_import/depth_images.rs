@@ -25,13 +25,15 @@ const UNIT_M: f64 = 1e-3;
 const OBJECT_WITHIN_M: f64 = 0.3;
 /// Pixels to either side over which depths are smoothed.
 const SMOOTHING_PX: isize = 2;
-/// Two depths whose mean is farther than this from that of the pixel between are on another surface.
+/// Distance of the mean of two depths from that of the pixel between beyond which they are on another
+/// surface.
 const SMOOTH_M: f64 = 0.002;
 /// Pixels of an image that are compared with the other images.
 const COMPARED: usize = 2_000;
 /// A camera that sees something this much farther looks through what another one sees.
 const THROUGH_M: f64 = 0.01;
-/// Such a fraction of what is seen may be, at edges and by wrong depths.
+/// Greatest fraction of the pixels that may look through what another camera sees, at edges and by wrong
+/// depths.
 const MOST_CONTRADICTING: f64 = 0.15;
 /// An image, by its extension.
 const IMAGE: FileKind = FileKind::geometry("a depth image: a PNG file with 16 bits of gray");

@@ -18,9 +18,10 @@ pub(super) struct Stated {
     pub mass_kg: f64,
     /// Reason why the mass is assumed, if it is.
     pub assumed: Option<String>,
-    /// In the frame of the surface, unless that of uniform density is meant.
+    /// Centre of mass in the frame of the surface; `None` for that of uniform density.
     pub com: Option<Point3<f64>>,
-    /// About the centre of mass along the axes of the surface, likewise.
+    /// Moments of inertia about the centre of mass along the axes of the surface; `None` for those of uniform
+    /// density.
     pub about_com: Option<Matrix3<f64>>,
     /// Statements that were not believed, each with its reason.
     pub findings: Vec<String>,

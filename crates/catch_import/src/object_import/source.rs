@@ -26,7 +26,7 @@ const ENDINGS: [&[&str]; 9] =
 const MOST_FILES: usize = 10_000;
 /// Shapes of a link at most.
 const MOST_SHAPES: usize = 500;
-/// Most convex parts of an object.
+/// Greatest number of convex parts of an object.
 const MOST_PARTS: usize = 64;
 /// Collision shapes fill the object if their volume is that many times its own.
 const PARTS_FILL: [f64; 2] = [0.8, 1.35];

@@ -8,7 +8,7 @@ use nalgebra::Matrix3;
 
 use super::{geometry::BodyShape, joint_limits::JointLimitFields};
 
-/// All that is written of a robot.
+/// Contents of a robot's files.
 #[derive(Debug, Clone)]
 pub struct Draft {
     /// Name of the robot.
@@ -29,7 +29,7 @@ pub struct Draft {
     pub X_LG: Stated<Pose>,
     /// Links so near in the chain are not compared.
     pub ignored_neighbours: usize,
-    /// Far from the ends of the ranges.
+    /// Joint positions far from the ends of the ranges.
     pub comfortable_rad: Vec<f64>,
     /// Joint positions in which the arm waits.
     pub ready_rad: Vec<f64>,
@@ -58,7 +58,7 @@ pub struct JointValues {
     pub rotor_inertia: Stated<f64>,
 }
 
-/// A range for a joint that turns without end.
+/// Range of a joint that rotates without end.
 const ENDLESS_RAD: f64 = std::f64::consts::TAU;
 /// A speed for a joint of which none is known.
 const SPEED_RADPS: f64 = 2.0;
@@ -66,7 +66,7 @@ const SPEED_RADPS: f64 = 2.0;
 const TO_FULL_SPEED_S: f64 = 0.2;
 /// The reflected rotor inertia of most models in MuJoCo Menagerie.
 const ROTOR_INERTIA_KGM2: f64 = 0.1;
-/// Stands for a torque that is worked out when all else is known.
+/// Placeholder of a torque that is worked out when all else is known.
 const UNKNOWN_TORQUE_NM: f64 = 1e4;
 
 /// Values that were given when the robot was imported, for one joint.
@@ -148,7 +148,7 @@ fn range_of(file: &str, joint: &TreeJoint, limits: &JointLimitFields) -> Result<
     Err(InputError::new(file, field(), found, "lower below upper in all that states bounds; one that is left out is 0"))
 }
 
-/// With three significant digits.
+/// Rounds to three significant digits.
 pub fn rounded(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
@@ -169,7 +169,7 @@ impl Draft {
         let of_base = base.inertia.filter(is_part).map(|it| inertial(&it)).unwrap_or_default();
         let _ = writeln!(text, "  <link name=\"{}\">\n{of_base}  </link>", text_in_xml(&base.links[0]));
         for (joint, inertia) in self.chain.joints.iter().zip(&self.inertias) {
-            // What is assumed stands in robot.toml.
+            // Assumed values stand in robot.toml.
             let known = if inertia.assumed.is_none() { inertial(&inertia.value) } else { String::new() };
             let _ = writeln!(text, "  <link name=\"{}\">\n{known}  </link>", text_in_xml(&joint.body.links[0]));
         }

@@ -15,7 +15,7 @@ use catch_recording::bounded_file::FileKind;
 
 /// Shapes of one body at most.
 const MOST_SHAPES: usize = 200;
-/// Whatever is larger is no part of an arm, or in other units.
+/// Greatest extent in metres of a part of an arm: anything larger is no part of one, or in other units.
 const MOST_EXTENT_M: f64 = 3.0;
 /// Capsules are written with so many steps per metre.
 const STEPS_PER_M: f64 = 1e4;

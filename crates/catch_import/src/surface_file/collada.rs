@@ -108,7 +108,7 @@ pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
             reader.node(node, &Matrix4::new_scaling(metres), 0)?;
         }
     }
-    // What no scene shows is not looked at.
+    // Geometry that no scene shows is not looked at.
     for library in root.children("library_geometries").chain(root.children("library_nodes")) {
         library.children("geometry").chain(library.children("node")).for_each(|it| reader.leave_out_unless_used(it));
     }
@@ -187,7 +187,7 @@ impl<'a> Reader<'a> {
         let mut positions = HashMap::new();
         for mesh in geometry.children("mesh") {
             for vertices in mesh.children("vertices") {
-                // Where it is used, it is found by its id.
+                // Vertices are found by their id where they are used.
                 for input in vertices.children("input") {
                     let (_, _) = (input.attribute("semantic"), input.attribute("source"));
                 }

@@ -117,7 +117,7 @@ impl PlyFile {
             for _ in 0..count {
                 let value = numbers.next(property.of)?;
                 if is_surface {
-                    // What is no index is beyond all vertices; a strip ends with −1.
+                    // A value that is no index is beyond all vertices; a strip ends with −1.
                     corners.push(if (0.0..f64::from(u32::MAX)).contains(&value) { value as u32 } else { u32::MAX });
                 }
             }
