@@ -174,7 +174,8 @@ impl Document {
     /// Looks at all that nobody asked for.
     ///
     /// # Errors
-    /// What is not among the `harmless` names, each with its place and the names that would be read there.
+    /// Names that are not among the `harmless` ones, each with its place and the names that would be read
+    /// there.
     pub fn finish(&self, harmless: &[Harmless]) -> Result<(), InputError> {
         let mut faults = Vec::new();
         let mut waiting = vec![self.root()];

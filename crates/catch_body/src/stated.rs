@@ -18,7 +18,7 @@ use crate::{
 
 /// A value of a file, and why it is assumed where nobody published it.
 ///
-/// It is either the value alone, or a table `{ value = …, assumed = true, reason = "…" }`.
+/// In a file the value stands alone, or in a table `{ value = …, assumed = true, reason = "…" }`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stated<T> {
     /// The value.

@@ -344,7 +344,7 @@ impl<'a> Element<'a> {
     /// The mass properties that an `<inertial>` states, in its link's frame.
     ///
     /// # Errors
-    /// What is missing, no number or out of the ranges of a mass, a moment and an offset.
+    /// A value that is missing, no number or out of the ranges of a mass, a moment and an offset.
     pub fn inertia(&self, [mass_kg, moment_kgm2, offset_m]: [Quantity; 3]) -> Result<Inertia, InputError> {
         let mass = self.required("mass")?.number("value", mass_kg)?;
         let X_LC = self.origin(offset_m)?;

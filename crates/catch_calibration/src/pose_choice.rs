@@ -1,8 +1,8 @@
-//! Poses of the arm that tell most about where the cameras stand: greedy choice among random ones.
+//! Poses of the arm that are most informative about the cameras' poses: greedy choice among random ones.
 //!
-//! What a pose tells of each camera is the information of what would be compared in its image. The
-//! determinant of the information on the camera's pose, the nuisances eliminated, is to grow (D-optimal
-//! design).
+//! The information about a camera that a pose gives is that of the measurements which would be compared in
+//! its image. The determinant of the information on the camera's pose, the nuisances eliminated, is to grow
+//! (D-optimal design).
 
 use std::f64::consts::PI;
 

@@ -59,9 +59,9 @@ pub struct RejectedTrajectory {
 
 /// A motion of the arm, sampled by the robot controller at its own rate by absolute time.
 ///
-/// It is twice continuously differentiable (C²). At its start it must equal the trajectory that is executing
-/// then, in position, velocity and acceleration; it must end at rest and stays there. One that arrives after
-/// its start is rejected as late and the old one goes on.
+/// The trajectory is twice continuously differentiable (C²). At its start it must equal the trajectory that
+/// is executing then, in position, velocity and acceleration; it must end at rest and stays there. One that
+/// arrives after its start is rejected as late and the old one goes on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ArmTrajectory {
     /// Identifier by which the controller reports what became of the trajectory.

@@ -34,7 +34,7 @@ impl Setpoint {
 
 /// A clamped cubic B-spline q(t) (de Boor, A Practical Guide to Splines, ch. IX).
 ///
-/// Its knots are non-decreasing, the first and the last repeated four times, four more than there are control
+/// The knots are non-decreasing, the first and the last repeated four times, four more than there are control
 /// points. A knot that is repeated three times inside joins two splines.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BSpline {

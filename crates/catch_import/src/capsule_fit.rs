@@ -46,7 +46,7 @@ pub fn enclosing_capsules(surface: &TriangleMesh) -> Vec<Capsule> {
 
 /// A small capsule that holds all points, `None` without any.
 ///
-/// Its axis is the best of the coordinate axes, the principal axes and directions that a pattern search finds
+/// The axis is the best of the coordinate axes, the principal axes and directions that a pattern search finds
 /// from the best of these; for an axis the circle around the points across it and the hemispheres at both
 /// ends follow.
 pub fn enclosing_capsule(points: &[Point3<f64>]) -> Option<Capsule> {

@@ -132,7 +132,7 @@ const LEAST_FILLING: f64 = 1e-6;
 /// Repairs a surface.
 ///
 /// # Errors
-/// What cannot be repaired, located.
+/// The defect that cannot be repaired, located.
 pub fn repaired(soup: &TriangleMesh, limits: &RepairLimits) -> Result<Repaired, Defect> {
     let size_m = soup.aabb().size.max();
     let mut best: Option<(usize, Welded)> = None;

@@ -68,8 +68,7 @@ impl ImportedObject {
     /// Reads what `path` names, a file or a folder, for an object file of the name `stem`.
     ///
     /// # Errors
-    /// What is wrong with the files or the options; defects of the surface that cannot be repaired, with
-    /// their places.
+    /// Faults of the files or the options; defects of the surface that cannot be repaired, with their places.
     pub fn read(path: &Path, stem: &str, options: &ImportOptions) -> Result<Self, InputError> {
         if let Some(scale) = options.scale {
             quantity::SCALE.check(COMMAND_LINE, "--scale", scale)?;

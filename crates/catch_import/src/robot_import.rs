@@ -74,8 +74,8 @@ impl ImportedRobot {
     /// Reads the description in `file`; the gripper is what the arm is to carry.
     ///
     /// # Errors
-    /// What is wrong with the description or with the options: no serial arm, more than one, numbers out of
-    /// their ranges.
+    /// Faults of the description or of the options: no serial arm, more than one, numbers out of their
+    /// ranges.
     pub fn read(file: &Path, options: &ImportOptions, gripper: &Gripper) -> Result<Self, InputError> {
         let name = file.display().to_string();
         let text = FileKind::text("a description of a robot, URDF").read_text(file)?;

@@ -42,7 +42,7 @@ const IMAGE: FileKind = FileKind::geometry("a depth image: a PNG file with 16 bi
 /// and what was found on the way.
 ///
 /// # Errors
-/// What is wrong with the rig or an image, another number of images than of cameras, no object at the origin.
+/// A fault of the rig or an image, another number of images than of cameras, no object at the origin.
 pub(super) fn surface(folder: &Path, scale: Option<f64>) -> Result<(TriangleMesh, Vec<String>), InputError> {
     let named = folder.display().to_string();
     let rig = folder.join(RIG);

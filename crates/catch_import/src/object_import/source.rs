@@ -74,7 +74,7 @@ impl Source {
     /// Reads a file, or the one of a folder that says most; `scale` is in metres per unit, if it is known.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// A fault of the file or its link.
     pub fn read(path: &Path, link: Option<&str>, scale: Option<f64>) -> Result<Self, InputError> {
         if path.join(depth_images::RIG).is_file() {
             let (surface, findings) = depth_images::surface(path, scale)?;
