@@ -73,7 +73,7 @@ pub struct PublishedParts {
     /// (x outward), and from the fingers' centre along y and z.
     #[serde(deserialize_with = "quantity::offset_m")]
     pub tips_m: Vec<[f64; 3]>,
-    /// Radius of these balls.
+    /// Radius of the balls with which a finger touches.
     #[serde(deserialize_with = "quantity::size_m")]
     pub tip_radius_m: f64,
 }
@@ -90,7 +90,7 @@ pub struct Drive {
     /// Time from a command until the fingers begin to move, in seconds.
     #[serde(deserialize_with = "quantity::latency_s")]
     pub latency_s: f64,
-    /// Rate of the cycle in which it takes commands and refreshes its state.
+    /// Rate of the cycle in which the drive takes commands and refreshes its state.
     #[serde(deserialize_with = "quantity::rate_hz")]
     pub state_rate_hz: f64,
 }

@@ -116,7 +116,7 @@ struct CollisionFields {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CapsuleFields {
-    /// Name of the link that it belongs to, in whose frame the points are.
+    /// Name of the link that the capsule belongs to, in whose frame the points are.
     link: String,
     /// First end of the segment.
     #[serde(deserialize_with = "quantity::offset_m")]

@@ -24,7 +24,7 @@ pub struct Obstacle {
     /// Name, for errors.
     pub name: String,
     solid: Solid,
-    /// The ball around it: centre in W, radius in metres.
+    /// The ball around the obstacle: centre in W, radius in metres.
     ball: (Point3<f64>, f64),
 }
 
@@ -69,7 +69,7 @@ struct WorkcellFields {
 struct BoxFields {
     /// Name, for errors.
     name: String,
-    /// Full extents along its own axes.
+    /// Full extents along the box's own axes.
     #[serde(deserialize_with = "quantity::obstacle_size_m")]
     size_m: [f64; 3],
     /// Position of the middle of the box.

@@ -21,7 +21,7 @@ pub struct ImageInformation {
 }
 
 impl ImageInformation {
-    /// Adds it, times a factor, to the information of all parameters.
+    /// Adds the information of the image, times a factor, to that of all parameters.
     pub fn add_to(&self, sum: &mut DMatrix<f64>, factor: f64) {
         for (column, j) in self.places.iter().enumerate() {
             for (row, i) in self.places.iter().enumerate() {

@@ -107,9 +107,9 @@ pub struct Refinement {
     pub calibration: Calibration,
     /// Flights that counted.
     pub flights: usize,
-    /// Sightings of these flights.
+    /// Sightings of the flights that counted.
     pub sightings: usize,
-    /// Fraction of these that did not count, being outliers.
+    /// Fraction of the sightings that did not count, being outliers.
     pub outlier_fraction: f64,
     /// Ratio of the variance of the sightings to the one that they claim, one at least; the claimed
     /// covariance contains it.

@@ -83,7 +83,7 @@ impl World {
         found
     }
 
-    /// Moved along one parameter, counted as the rows count it.
+    /// The world moved along one parameter, counted as the rows count it.
     fn changed(&self, parameter: usize, by: f64) -> Self {
         let mut world = self.clone();
         match parameter {

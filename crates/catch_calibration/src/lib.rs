@@ -113,7 +113,7 @@ pub struct Config {
     pub expected_latency_s: f64,
     /// Standard deviation of 1/z of a pixel in 1/m, from the camera's data sheet.
     pub inverse_depth_sd_per_m: f64,
-    /// Fraction of its variance that all pixels of an image have in common.
+    /// Fraction of the variance of 1/z that all pixels of an image have in common.
     pub common_fraction: f64,
     /// Standard deviation of the scale of a camera's depths.
     pub scale_sd: f64,
@@ -225,7 +225,7 @@ pub struct Residuals {
     pub images: usize,
     /// Pixels whose depths were compared.
     pub depths: usize,
-    /// Robust standard deviation of their 1/z in one image, in 1/m.
+    /// Robust standard deviation of the depths' 1/z in one image, in 1/m.
     pub inverse_depth_sd_per_m: f64,
     /// Lines across silhouettes that were compared.
     pub silhouettes: usize,

@@ -20,7 +20,7 @@ use super::{
 /// Parameters of each camera: rotation and translation, scale, time offset, growth at edges, its rise with
 /// the slope, loss, loss of growth.
 pub const OF_CAMERA: usize = 12;
-/// The first of them that is no part of the pose.
+/// The first parameter of a camera that is no part of its pose.
 pub const FIRST_NUISANCE: usize = 6;
 /// Index of the time offset among a camera's parameters.
 pub const TIME_OFFSET: usize = 7;
@@ -32,7 +32,7 @@ const GROWTH_SD: [f64; 4] = [3.0, 3.0, 1.0, 1.0];
 const FIRST_ZERO_SD_RAD: f64 = 5e-4;
 /// First standard deviation of links' surfaces, in metres, where the images determine it.
 pub const FIRST_LINK_SD_M: f64 = 1e-3;
-/// Least and greatest ratio of the estimated standard deviations to these.
+/// Least and greatest ratio of the estimated standard deviations to the first ones.
 const TOLD: [f64; 2] = [0.02, 10.0];
 /// Images that determine fewer than so many of the zeros, or surfaces, do not tell their standard deviation.
 const DETERMINED: f64 = 0.5;

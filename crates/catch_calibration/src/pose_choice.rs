@@ -23,13 +23,13 @@ use catch_bot::trajectory_optimization::MotionPlanner;
 
 /// Poses to choose among.
 const CANDIDATES: usize = 100;
-/// Random poses that are tried for them, at most.
+/// Random poses that are tried for the choice, at most.
 const TRIES: usize = 5000;
 /// The arm keeps this far from itself and its surroundings, in metres.
 const CLEARANCE_M: f64 = 0.04;
 /// Fraction of each joint's range.
 const RANGE: f64 = 0.85;
-/// Images are so many times smaller for this.
+/// Images are so many times smaller for the choice.
 const SMALLER: u32 = 4;
 /// Standard deviation of the number of pixels on a line across a silhouette.
 const SHOWN_SD_PX: f64 = 0.9;

@@ -44,7 +44,7 @@ pub struct Rendering<'a> {
     bodies: Vec<Body<'a>>,
     /// The pixels that follow: all that may show the arm, and some around them.
     pub window: PixelWindow,
-    /// Intersection of the ray of each of these pixels, row by row.
+    /// Intersection of each pixel's ray in the window, row by row.
     pub hits: Vec<Option<Hit>>,
 }
 

@@ -25,7 +25,7 @@ pub enum Rejection {
     /// The trajectory arrived after its start.
     #[error("late by {by_s:.6} s")]
     Late {
-        /// Time from its start to its arrival, in seconds.
+        /// Time from the trajectory's start to its arrival, in seconds.
         by_s: f64,
     },
     /// Position, velocity or acceleration jump: at its start from what is executing then, or at a repeated

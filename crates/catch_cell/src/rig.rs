@@ -64,10 +64,10 @@ struct CameraFields {
     /// down.
     #[serde(default, deserialize_with = "quantity::quaternion")]
     rotation_xyzw: Option<[f64; 4]>,
-    /// Width of its images.
+    /// Width of the camera's images.
     #[serde(deserialize_with = "quantity::image_px")]
     width_px: u32,
-    /// Height of its images.
+    /// Height of the camera's images.
     #[serde(deserialize_with = "quantity::image_px")]
     height_px: u32,
     /// Field of view from top to bottom; or:

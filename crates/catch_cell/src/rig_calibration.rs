@@ -28,7 +28,7 @@ pub struct RigCalibration {
     /// Standard deviation of 1/z of a pixel around the model of the arm.
     #[serde(deserialize_with = "quantity::inverse_depth_per_m")]
     pub inverse_depth_sd_per_m: f64,
-    /// Standard deviation of a silhouette around it.
+    /// Standard deviation of a silhouette around the model of the arm.
     #[serde(deserialize_with = "quantity::error_px")]
     pub silhouette_sd_px: f64,
     /// Poses of the arm that the camera saw.

@@ -50,7 +50,7 @@ pub struct Description {
 pub struct Link {
     /// Mass properties in the link's frame; `None` without mass.
     pub inertia: Option<Inertia>,
-    /// Coulomb friction coefficient of its surface, if the file says one.
+    /// Coulomb friction coefficient of the link's surface, if the file says one.
     pub friction: Option<f64>,
     /// The shape for collisions.
     pub collisions: Vec<Geometry>,
@@ -106,7 +106,7 @@ pub struct TreeJoint {
     pub name: String,
     /// Kind of the joint's motion.
     pub kind: JointKind,
-    /// The link that it moves.
+    /// The link that the joint moves.
     pub child: String,
     /// Pose of that link's frame L in the parent's frame P while the joint is at zero.
     pub X_PL: Pose,

@@ -87,7 +87,7 @@ pub enum Defect {
     Empty,
     /// A hole that is too wide to be filled.
     Hole {
-        /// Middle of its rim.
+        /// Middle of the hole's rim.
         centre: Point3<f64>,
         /// Width of the hole in metres.
         width_m: f64,

@@ -43,11 +43,11 @@ pub struct ImportOptions {
 pub struct ImportedObject {
     /// The object as its files describe it.
     pub object: ThrownObject,
-    /// The content of its `truth.toml`.
+    /// The content of the object's `truth.toml`.
     pub truth: String,
-    /// The content of its `known.toml`.
+    /// The content of the object's `known.toml`.
     pub known: String,
-    /// Files beside it, by their names.
+    /// Files beside the object's, by their names.
     pub beside: Vec<(String, Vec<u8>)>,
     /// Findings of the import: the source of the shape, its unit, each repair, and what of a description was
     /// not believed.

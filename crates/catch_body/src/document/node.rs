@@ -41,7 +41,7 @@ impl<'d> Node<'d> {
         std::iter::successors(of(self.part().first_child), move |it| of(it.part().next))
     }
 
-    /// The elements within it, none of which is asked for by this.
+    /// The elements within this part, none of which is asked for by this.
     pub fn elements(self) -> impl Iterator<Item = Self> {
         self.parts().filter(|it| !it.part().is_attribute)
     }
@@ -124,7 +124,7 @@ impl<'d> Node<'d> {
         })
     }
 
-    /// The numbers of its text, or of its list.
+    /// The numbers of the part's text, or of its list.
     ///
     /// # Errors
     /// Another number of them, or one that is none or out of its range.
@@ -144,7 +144,7 @@ impl<'d> Node<'d> {
         numbers.and_then(|it| it.try_into().ok()).ok_or_else(fault)
     }
 
-    /// The number that its text is.
+    /// The number that the part's text is.
     ///
     /// # Errors
     /// As [`numbers`](Self::numbers).
@@ -152,7 +152,7 @@ impl<'d> Node<'d> {
         self.numbers(range).map(|[it]| it)
     }
 
-    /// A fault at its place.
+    /// A fault at the part's place.
     pub fn fault(self, found: impl Display, expected: impl Display) -> InputError {
         InputError::new(&self.document.file, self.place(), found, expected)
     }

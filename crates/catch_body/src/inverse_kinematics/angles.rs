@@ -20,7 +20,7 @@ impl Sinusoid {
         Self { phase: libm::atan2(b, a), amplitude: libm::hypot(a, b) }
     }
 
-    /// The angles at which it is `value`: two, or none.
+    /// The angles at which the sinusoid is `value`: two, or none.
     pub fn angles_at(self, value: f64) -> impl Iterator<Item = f64> {
         let cos = value / self.amplitude;
         let aside = (cos.abs() <= 1.0).then(|| libm::acos(cos));
@@ -43,7 +43,7 @@ impl AxisRotation {
         Self { axis: *axis, sin, cos }
     }
 
-    /// A vector after it.
+    /// A vector after the rotation.
     pub fn of(&self, v: &Vector3<f64>) -> Vector3<f64> {
         v * self.cos + self.axis.cross(v) * self.sin + self.axis * (self.axis.dot(v) * (1.0 - self.cos))
     }

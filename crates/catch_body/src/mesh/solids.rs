@@ -20,7 +20,7 @@ pub struct TubeRing {
     pub centre: Point3<f64>,
     /// Directions of its two axes, perpendicular unit vectors; neighbouring rings should have similar ones.
     pub axes: [Vector3<f64>; 2],
-    /// Half lengths along them.
+    /// Half lengths along the ellipse's axes.
     pub semi_axes_m: [f64; 2],
 }
 

@@ -41,7 +41,7 @@ pub(super) fn link_inertia(link: &Element) -> Result<Inertia, InputError> {
     Ok(inertia)
 }
 
-/// The inertia that `robot.toml` states in its place.
+/// The inertia that `robot.toml` states in place of the URDF's.
 pub(super) fn stated_inertia(files: &RobotFiles, link: &str, fields: &LinkFields) -> Result<Inertia, InputError> {
     let &LinkFields { mass_kg, com_m, inertia_kgm2: [xx, yy, zz, xy, xz, yz], assumed, ref reason } = fields;
     if let Some(fault) = unreasoned(files, &format!("links.{link}."), assumed, reason.as_ref()) {

@@ -47,7 +47,7 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// `None` where it is no number, or its covariance is none.
+    /// A sighting that counts; `None` where it is no number, or its covariance is none.
     pub fn new(sighting: Sighting) -> Option<Self> {
         let Sighting { capture_s, p_C, covariance_C, .. } = &sighting;
         let is_finite = capture_s.is_finite() && p_C.iter().chain(covariance_C.iter()).all(|it| it.is_finite());

@@ -10,13 +10,13 @@ use catch_body::{InputError, Pose};
 
 /// Place of a link in the tree.
 pub struct Place<'a> {
-    /// The joint that moves it.
+    /// The joint that moves the link.
     pub joint: Option<&'a TreeJoint>,
-    /// The link that carries it.
+    /// The link that carries this one.
     pub parent: Option<&'a str>,
     /// Limb that the names of the joints up to the link say.
     pub limb: Limb,
-    /// Revolute joints one after another below it, at most.
+    /// Revolute joints one after another below the link, at most.
     pub arm_joints: usize,
     /// True if something moves below the link.
     pub moves_below: bool,

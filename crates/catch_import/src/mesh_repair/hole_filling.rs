@@ -12,11 +12,11 @@ use catch_body::TriangleMesh;
 pub(super) struct Filling {
     /// Holes that were filled.
     pub holes: usize,
-    /// Width of the widest of them in metres.
+    /// Width of the widest hole that was filled, in metres.
     pub widest_m: f64,
     /// Holes that are too wide.
     pub left: usize,
-    /// Middle of the rim and width of the widest of them.
+    /// Middle of the rim and width of the widest hole that is left.
     pub widest_left: Option<(Point3<f64>, f64)>,
 }
 

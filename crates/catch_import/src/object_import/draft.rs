@@ -77,7 +77,7 @@ impl Draft<'_> {
         )
     }
 
-    /// The files beside it.
+    /// The files beside the object's own.
     pub fn files(&self) -> Vec<(String, Vec<u8>)> {
         let mut files = vec![(self.mesh_file(), obj(std::slice::from_ref(self.mesh)))];
         if !self.parts.is_empty() {

@@ -155,7 +155,7 @@ impl Source {
         Ok(source)
     }
 
-    /// Makes it larger.
+    /// Scales the surface and the collision shapes.
     pub fn scale(&mut self, scale: f64) {
         let meshes = std::iter::once(&mut self.surface).chain(&mut self.parts);
         meshes.flat_map(|it| &mut it.vertices).for_each(|it| it.coords *= scale);
