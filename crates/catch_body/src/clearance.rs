@@ -1,4 +1,4 @@
-//! How far an arm is from touching itself, the floor and what stands in its workcell.
+//! Distances of an arm to itself, the floor and the obstacles of its workcell.
 
 use nalgebra::Point3;
 
@@ -11,10 +11,10 @@ use crate::{
     workcell::{FLOOR_Z_M, Obstacle},
 };
 
-/// An arm's and its gripper's outline, prepared for distance queries that do not allocate.
+/// Collision geometry of an arm and its gripper, prepared for distance queries that do not allocate.
 ///
 /// The arm is its capsules, the gripper the boxes of housing and fingers. Distances are exact for these, but
-/// between two boxes they are lower bounds; where solids overlap they are not above zero and tell no depth
+/// between two boxes they are lower bounds; where solids overlap they are not above zero and give no depth
 /// beyond a capsule's radius.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmClearance {
@@ -42,7 +42,7 @@ struct Part {
 }
 
 impl ArmClearance {
-    /// Prepares the outline of `robot` with `gripper` mounted on its last link.
+    /// Prepares the collision geometry of `robot` with `gripper` mounted on its last link.
     pub fn new(robot: &Robot, gripper: &Gripper) -> Self {
         let parts: Vec<Part> = robot
             .capsules
@@ -143,8 +143,8 @@ impl ArmClearance {
         smallest
     }
 
-    /// At least this far in metres a ball is from every part of arm and gripper and from every obstacle; less
-    /// where it is inside of the balls around them.
+    /// Lower bound in metres of the distance from a ball to every part of arm and gripper and to every
+    /// obstacle; negative where the ball overlaps the balls around them.
     pub fn least_distance_to_ball(&self, X_WL: &LinkPoses, centre_W: &Point3<f64>, radius: f64) -> f64 {
         let (middle, reach) = self.gripper_ball;
         let from = |X_WP: &Pose, centre: &Point3<f64>, reach: f64| (X_WP * centre - centre_W).norm() - reach - radius;
@@ -191,7 +191,7 @@ mod tests {
         Gripper::from_toml("wsg50.toml", include_str!("../../../assets/grippers/wsg50.toml")).unwrap()
     }
 
-    /// The same by brute force: all pairs of capsules, and the gripper sampled by points on its boxes.
+    /// Clearances by brute force: all pairs of capsules, and the gripper sampled by points on its boxes.
     fn sampled(robot: &Robot, X_WL: &LinkPoses, width_m: f64) -> (f64, f64) {
         let gripper = wsg50();
         let X_WG = robot.gripper_in(X_WL);

@@ -20,9 +20,9 @@ pub use xml::root_element;
 
 /// Elements, attributes, keys and items of a document at most.
 pub const MOST_PARTS: usize = 2_000_000;
-/// Faults of one document that are told at once.
+/// Greatest number of faults of one document that are reported at once.
 const MOST_FAULTS: usize = 12;
-/// Stands for no part.
+/// Index that stands for no part.
 pub const NONE: u32 = u32::MAX;
 
 /// Names that say nothing to this program, by the name of what they stand in; `*` is any, and attributes
@@ -32,7 +32,7 @@ pub type Harmless = &'static [(&'static str, &'static [&'static str])];
 /// A parsed file, and what was asked of it.
 pub struct Document {
     file: String,
-    /// What its entries are called in errors.
+    /// Format, which decides how errors name the entries.
     format: Format,
     names: Vec<Box<str>>,
     by_name: HashMap<Box<str>, u32>,
@@ -150,7 +150,7 @@ impl Document {
         self.parts[part as usize].text = text.into();
     }
 
-    /// Says whether a part is a list, whose items have no name.
+    /// Sets whether a part is a list, whose items have no name.
     pub fn set_list(&mut self, part: u32, is_list: bool) {
         self.parts[part as usize].is_list = is_list;
     }
@@ -166,7 +166,7 @@ impl Document {
         Node { document: self, index: 0 }
     }
 
-    /// What errors call the file.
+    /// Name of the file in errors.
     pub fn file(&self) -> &str {
         &self.file
     }
@@ -174,7 +174,8 @@ impl Document {
     /// Looks at all that nobody asked for.
     ///
     /// # Errors
-    /// What is not among the `harmless` names, each with its place and the names that would be read there.
+    /// Names that are not among the `harmless` ones, each with its place and the names that would be read
+    /// there.
     pub fn finish(&self, harmless: &[Harmless]) -> Result<(), InputError> {
         let mut faults = Vec::new();
         let mut waiting = vec![self.root()];

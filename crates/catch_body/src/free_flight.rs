@@ -11,26 +11,25 @@ use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 /// Number of parameters: r, M (xx, yy, zz, xy, xz, yz), k, c, S (xx, yy, xy, xz, yz), s.
 pub const PARAMETERS: usize = 19;
-/// Of the error state: (p, v, θ, ω) and the parameters.
+/// Dimension of the error state: (p, v, θ, ω) and the parameters.
 pub const N: usize = 12 + PARAMETERS;
-/// First elements of the velocity, the rotation and the angular velocity in the error state.
+/// First element of the velocity in the error state.
 pub const V: usize = 3;
-/// See [`V`].
+/// First element of the rotation in the error state.
 pub const THETA: usize = 6;
-/// See [`V`].
+/// First element of the angular velocity in the error state.
 pub const OMEGA: usize = 9;
-/// First parameters in the error state: the tracked point, the drag, the Magnus coefficient, the decay, the
-/// inertia, the lift.
+/// First parameter of the tracked point in the error state.
 pub const POINT: usize = 12;
-/// See [`POINT`].
+/// First parameter of the drag in the error state.
 pub const DRAG: usize = 15;
-/// See [`POINT`].
+/// Magnus coefficient in the error state.
 pub const MAGNUS: usize = 21;
-/// See [`POINT`].
+/// Decay of the spin in the error state.
 pub const DECAY: usize = 22;
-/// See [`POINT`].
+/// First parameter of the inertia in the error state.
 pub const INERTIA: usize = 23;
-/// See [`POINT`].
+/// First parameter of the lift in the error state.
 pub const LIFT: usize = 28;
 
 /// Parameters as a vector, in SI units.
@@ -126,7 +125,7 @@ fn exponential<const COUNT: usize>(
 }
 
 impl FlyingBody {
-    /// With parameters.
+    /// A body with these parameters.
     pub fn new(parameters: &ParameterVector) -> Self {
         let at = |i: usize| parameters[i - POINT];
         let drag: Matrix3<f64> = (0..6).map(|i| symmetric_unit(i) * at(DRAG + i)).sum();
@@ -152,8 +151,8 @@ impl FlyingBody {
         self.inverse * (self.inertia * w).cross(w) - w * self.decay
     }
 
-    /// Its derivative, given that of ω: δω̇ = J⁻¹(δ(J·ω)×ω + J·ω×δω − δJ·ω̇ᵢ) − c·δω − ω·δc, ω̇ᵢ without the
-    /// decay.
+    /// Derivative of [`Self::spin_rate`], given that of ω: δω̇ = J⁻¹(δ(J·ω)×ω + J·ω×δω − δJ·ω̇ᵢ) − c·δω −
+    /// ω·δc, ω̇ᵢ without the decay.
     fn spin_rate_by(&self, w: &Vector3<f64>, dw: &ByState) -> ByState {
         let momentum = self.inertia * w;
         let inertial = self.inverse * momentum.cross(w);
@@ -174,7 +173,7 @@ impl FlyingBody {
         (R * w * self.magnus + self.lift).cross(v) - R * (self.drag * (R.inverse() * v)) * v.norm()
     }
 
-    /// Its derivative, given those of v, θ and ω.
+    /// Derivative of [`Self::air`], given those of v, θ and ω.
     fn air_by(
         &self,
         (v, dv): (&Vector3<f64>, &ByState),
@@ -275,7 +274,7 @@ fn rotated_by(phi: &Vector3<f64>, dtheta: &ByState, dphi: &ByState) -> ByState {
 }
 
 impl FreeState {
-    /// This state after a small change of (p, v, θ, ω).
+    /// State after a small change of (p, v, θ, ω).
     pub fn moved(&self, change: &SVector<f64, 12>) -> Self {
         Self {
             p: self.p + change.fixed_rows::<3>(0),

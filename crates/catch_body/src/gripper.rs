@@ -29,7 +29,7 @@ pub struct Gripper {
     /// Centre of the fingers along y.
     #[serde(deserialize_with = "quantity::offset_m")]
     pub finger_centre_y_m: f64,
-    /// Where along y an object's middle should be when the fingers close.
+    /// Position along y at which an object's middle should be when the fingers close.
     #[serde(deserialize_with = "quantity::size_m")]
     pub grasp_centre_y_m: f64,
     /// Widest opening.
@@ -44,13 +44,14 @@ pub struct Gripper {
     /// Highest rate at which that speed changes.
     #[serde(deserialize_with = "quantity::drive_acceleration_mps2")]
     pub max_acceleration_mps2: f64,
-    /// How it takes commands and tells its state. If nothing is said: width, speed and force, 30 ms, 140 Hz.
+    /// Drive of the fingers: its commands, latency and rate. By default: width, speed and force, 30 ms, 140
+    /// Hz.
     #[serde(default)]
     pub drive: Drive,
-    /// What it is in the paper's simulator.
+    /// Parts of the gripper in the paper's simulator.
     #[serde(default)]
     pub published: Option<PublishedParts>,
-    /// Whether it is that.
+    /// True if the gripper is simulated with its published parts.
     #[serde(skip)]
     pub is_published: bool,
 }
@@ -62,47 +63,47 @@ pub struct PublishedParts {
     /// Moments of inertia of the housing about its centre, along the axes of G.
     #[serde(deserialize_with = "quantity::moment_kgm2")]
     pub body_inertia_kgm2: [f64; 3],
-    /// Those of one finger.
+    /// Moments of inertia of one finger about its centre, along the axes of G.
     #[serde(deserialize_with = "quantity::moment_kgm2")]
     pub finger_inertia_kgm2: [f64; 3],
-    /// How far the fingers' boxes are behind x = ±width/2.
+    /// Distance of the fingers' boxes behind x = ±width/2.
     #[serde(deserialize_with = "quantity::offset_m")]
     pub finger_recess_m: f64,
     /// Centres of the balls with which a finger touches, from where its inner face would be at x = ±width/2
     /// (x outward), and from the fingers' centre along y and z.
     #[serde(deserialize_with = "quantity::offset_m")]
     pub tips_m: Vec<[f64; 3]>,
-    /// Radius of these balls.
+    /// Radius of the balls with which a finger touches.
     #[serde(deserialize_with = "quantity::size_m")]
     pub tip_radius_m: f64,
 }
 
-/// What a finger touches with: a box, and balls with their radius.
+/// Contact geometry of a finger: a box, and balls with their radius.
 pub type FingerContact = (Cuboid, Vec<(Point3<f64>, f64)>);
 
 /// The drive of a gripper behind its command interface.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drive {
-    /// What a command says that the fingers obey.
+    /// Quantities of a command that the fingers obey.
     pub control: DriveControl,
     /// Time from a command until the fingers begin to move, in seconds.
     #[serde(deserialize_with = "quantity::latency_s")]
     pub latency_s: f64,
-    /// Rate of the cycle in which it takes commands and refreshes its state.
+    /// Rate of the cycle in which the drive takes commands and refreshes its state.
     #[serde(deserialize_with = "quantity::rate_hz")]
     pub state_rate_hz: f64,
 }
 
 impl Default for Drive {
-    /// That of a Schunk WSG-50: the rate is the data sheet's; no latency is published, 30 ms is plausible
+    /// Drive of a Schunk WSG-50: the rate is the data sheet's; no latency is published, 30 ms is plausible
     /// over a network.
     fn default() -> Self {
         Self { control: DriveControl::SpeedAndForce, latency_s: 0.03, state_rate_hz: 140.0 }
     }
 }
 
-/// What a command to a gripper says that the fingers obey.
+/// Quantities of a command that a gripper's fingers obey.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DriveControl {
@@ -140,7 +141,7 @@ impl Gripper {
         self.body_size_m[1] / 2.0
     }
 
-    /// Where the fingers end along y.
+    /// Position of the fingertips along y, in metres.
     pub fn fingertip_y_m(&self) -> f64 {
         self.finger_centre_y_m + self.finger_size_m[1] / 2.0
     }
@@ -163,7 +164,7 @@ impl Gripper {
         })
     }
 
-    /// With the parts that it has in the paper's simulator, if its file says so.
+    /// Gives the gripper the parts that it has in the paper's simulator, if its file lists them.
     pub fn as_published(self) -> Self {
         Self { is_published: true, ..self }
     }
@@ -172,8 +173,8 @@ impl Gripper {
         self.published.as_ref().filter(|_| self.is_published)
     }
 
-    /// What the left and the right finger touch with in G at an opening of `width_m`: a box, and balls with
-    /// their radius.
+    /// Contact geometry of the left and the right finger in G at an opening of `width_m`: a box, and balls
+    /// with their radius.
     pub fn finger_contacts(&self, width_m: f64) -> [FingerContact; 2] {
         let Some(parts) = self.as_simulated() else { return self.fingers(width_m).map(|finger| (finger, Vec::new())) };
         let [left, right] = self.fingers(width_m + 2.0 * parts.finger_recess_m);

@@ -1,9 +1,9 @@
-//! What is wrong with a file or an argument, said so that its author can mend it.
+//! Faults of a file or an argument, reported so that its author can mend them.
 
 use std::fmt::Display;
 
-/// Whether a character of a text that others wrote is not shown, but steers how the rest is: control
-/// characters, and marks that turn the direction of writing, by which a name looks like another.
+/// Returns whether a character steers how the text around it is displayed: control characters, and marks of
+/// the direction of writing, by which a name looks like another.
 pub fn steers_text(letter: char) -> bool {
     letter.is_control() || matches!(letter, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
@@ -25,13 +25,13 @@ pub struct InputError {
     pub file: String,
     /// Path of the field within the file, `line N` where no field is known.
     pub field: String,
-    /// What stands there.
+    /// Value that stands there.
     pub found: String,
-    /// What would be right.
+    /// Value that would be right.
     pub expected: String,
-    /// More faults that were found with it.
+    /// Further faults that were found with this one.
     pub also: Box<[InputError]>,
-    /// Whether nothing is wrong with the input, but a result could not be written.
+    /// True if nothing is wrong with the input, but a result could not be written.
     pub of_output: bool,
 }
 
@@ -75,13 +75,13 @@ impl InputError {
         faults.next().map_or(Ok(()), |first| Err(Self { also: faults.collect(), ..first }))
     }
 
-    /// This fault and those that were found with it.
+    /// Returns this fault and those that were found with it.
     pub fn all(mut self) -> Vec<Self> {
         let also = std::mem::take(&mut self.also);
         std::iter::once(self).chain(also).collect()
     }
 
-    /// What a kind of value, as serde calls it, is called in files.
+    /// Name, for the author of a file, of a kind of value as serde calls it.
     pub fn kind_in_words(kind: &str) -> &str {
         match kind.split(' ').next().unwrap_or_default() {
             "f64" | "f32" => "a number",
@@ -115,9 +115,9 @@ impl InputError {
     }
 }
 
-/// Most characters of what a message says was found.
+/// Greatest number of characters of what a message says was found.
 const MOST_CHARACTERS: usize = 400;
-/// Numbers with more digits in a row than any f64 needs are told by their power of ten.
+/// Greatest number of digits that an f64 needs; numbers with more in a row are given by their power of ten.
 const MOST_DIGITS: usize = 17;
 
 /// A text for one message: long numbers by their power of ten, long texts by their beginning.

@@ -28,7 +28,7 @@ use crate::{
     robot::{JointVector, Robot},
 };
 
-/// How far, in metres and radians, an arm may be from the S-R-S geometry.
+/// Tolerance, in metres and radians, of an arm's deviation from the S-R-S geometry.
 const TOLERANCE: f64 = 1e-6;
 
 /// The geometry of an S-R-S arm at zero joint angles, in W.
@@ -67,7 +67,8 @@ impl Solutions {
     }
 }
 
-/// Where the elbow may be for one pose of the gripper: a circle about the line from shoulder to wrist.
+/// Possible positions of the elbow for one pose of the gripper: a circle about the line from shoulder to
+/// wrist.
 #[derive(Debug, Clone, Copy)]
 pub struct ElbowCircle {
     R_WG: Rotation3<f64>,
@@ -77,11 +78,11 @@ pub struct ElbowCircle {
     across: [Vector3<f64>; 2],
     /// Angle at the shoulder between the upper arm and the line to the wrist.
     shoulder_angle: f64,
-    /// By how much the elbow is bent; zero is stretched.
+    /// Angle in radians by which the elbow is bent; zero is stretched.
     elbow_bend: f64,
 }
 
-/// Three joints that turn about u, b and u, as forms of the swivel angle: (x, y) of the first and the last
+/// Three joints that rotate about u, b and u, as forms of the swivel angle: (x, y) of the first and the last
 /// one's angles, for a positive middle one, and the cosine of the middle one's.
 #[derive(Debug, Clone, Copy)]
 struct EulerForms {
@@ -106,7 +107,7 @@ impl SrsArm {
             let off_line = along.cross(&(origins[i] - origins[0])).norm();
             axes[i].cross(along).norm() < TOLERANCE && off_line < TOLERANCE
         };
-        // Where the axis of joint i crosses the line of joint 1 at a right angle.
+        // Point at which the axis of joint i crosses the line of joint 1 at a right angle.
         let crossing = |i: usize| {
             let along = axes[0].into_inner();
             let foot = origins[0] + along * along.dot(&(origins[i] - origins[0]));
@@ -138,8 +139,8 @@ impl SrsArm {
         self.p_GW
     }
 
-    /// How far the wrist may be from the shoulder if the elbow's joint is to be within `range`, in radians:
-    /// the least and the most, squared, in m².
+    /// Squared distances from shoulder to wrist, the least and the greatest in m², with the elbow's joint
+    /// within a range in radians.
     pub fn wrist_distances_squared(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let (a, b) = (self.upper_arm, self.forearm);
         let least_bend = low.max(-high).max(0.0);
@@ -283,15 +284,15 @@ mod tests {
                     let swivel = f64::from(step) * 0.01 + 0.003;
                     let q = arm.solve_branch(&circle, swivel, branch);
                     let contains = arcs.iter().any(|(of, [low, high])| *of == branch && (*low..=*high).contains(&swivel));
-                    // How far the worst joint is inside its range.
+                    // Distance by which the worst joint is inside its range.
                     let inside = (0..7).map(|i| (q[i] - ranges[i][0]).min(ranges[i][1] - q[i])).fold(9.0, f64::min);
                     prop_assert!(inside.abs() < 1e-9 || contains == (inside > 0.0), "{branch:?} {swivel} {q}");
                 }
             }
         }
 
-        /// Where the wrist is tells how far the elbow is bent, and bending it more or less takes the wrist
-        /// out of the range.
+        /// The distance from shoulder to wrist determines how far the elbow is bent, and bending it more or
+        /// less takes the wrist out of the range.
         #[test]
         fn the_wrist_is_as_far_away_as_the_elbow_lets_it(
             unit in prop::array::uniform7(-0.99f64..0.99), below in 0.001f64..1.0, above in 0.001f64..1.0,
@@ -311,7 +312,7 @@ mod tests {
             prop_assert!(!within([0.0, bend - 1e-6]));
         }
 
-        /// No joint turns more than its bound while the elbow moves.
+        /// No joint rotates by more than its bound while the elbow moves.
         #[test]
         fn joints_turn_no_more_than_claimed(
             unit in prop::array::uniform7(-0.99f64..0.99), swivel in -3.1f64..3.1, by in 0.001f64..0.3, fraction in -1.0f64..1.0,

@@ -33,8 +33,8 @@ impl TriangleMesh {
         (0..self.triangles.len()).map(|index| self.corners(index))
     }
 
-    /// The same surface in another frame: `X_AB` is the pose of the mesh's present frame B in the new frame
-    /// A.
+    /// Transforms the surface to another frame: `X_AB` is the pose of the mesh's present frame B in the new
+    /// frame A.
     pub fn transformed(mut self, X_AB: &Pose) -> Self {
         for vertex in &mut self.vertices {
             *vertex = X_AB * *vertex;
@@ -42,7 +42,7 @@ impl TriangleMesh {
         self
     }
 
-    /// The same surface shifted by `offset_m`.
+    /// Shifts the surface by `offset_m`.
     pub fn translated(mut self, offset_m: &Vector3<f64>) -> Self {
         for vertex in &mut self.vertices {
             *vertex += offset_m;
@@ -74,8 +74,8 @@ impl TriangleMesh {
         Cuboid { centre: Point3::from((low + high) / 2.0), size: high - low }
     }
 
-    /// Whether the surface encloses a solid: as many triangles run along each edge in one direction as in the
-    /// other. Mostly that is one; where parts of a solid touch along an edge it is two.
+    /// Returns whether the surface encloses a solid: as many triangles run along each edge in one direction
+    /// as in the other. Mostly that is one; where parts of a solid touch along an edge it is two.
     pub fn is_closed(&self) -> bool {
         let mut uses: HashMap<(u32, u32), (u32, u32)> = HashMap::new();
         for &[a, b, c] in &self.triangles {
@@ -141,7 +141,7 @@ impl TriangleMesh {
         self.vertices = used;
     }
 
-    /// The same surface with its triangles turned so that they face outwards.
+    /// Flips the triangles, if need be, so that they face outwards.
     pub fn facing_outwards(mut self) -> Self {
         if self.volume() < 0.0 {
             for triangle in &mut self.triangles {

@@ -43,7 +43,7 @@ pub struct Quantity {
 }
 
 impl Quantity {
-    /// Whether `value` is within the range.
+    /// Returns whether `value` is within the range.
     pub fn contains(&self, value: f64) -> bool {
         (self.least..=self.most).contains(&value)
     }
@@ -182,7 +182,7 @@ impl<'de, T: Numbers<'de>> Visitor<'de> for List<T> {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut elements: A) -> Result<Self::Value, A::Error> {
         let mut list = Vec::new();
-        // What is left of a list that is too long is the reader's to complain of.
+        // Elements beyond the length of the list are left to the reader to complain of.
         while self.length != Some(list.len())
             && let Some(element) = elements.next_element_seed(Element(self.range, PhantomData::<T>))?
         {
@@ -347,7 +347,7 @@ quantities! {
     decay_per_s DECAY_PER_S = 0.0 to 100.0 "1/s";
     /// Poses of the arm in a calibration.
     poses POSES = 3.0 to 100.0 "";
-    /// Flights that refine it.
+    /// Flights that refine a calibration.
     flights FLIGHTS = 0.0 to 200.0 "";
     /// Fractions.
     fraction FRACTION = 0.0 to 1.0 "";
@@ -377,7 +377,7 @@ quantities! {
     rate_hz RATE_HZ = 1.0 to 10000.0 "Hz";
     /// Times that something takes within a flight.
     latency_s LATENCY_S = 0.0 to 0.5 "s, a time within a flight";
-    /// The same in milliseconds.
+    /// Times that something takes within a flight, in milliseconds.
     latency_ms LATENCY_MS = 0.0 to 500.0 "ms, a time within a flight";
     /// Times by which a robot controller may be off.
     controller_time_s CONTROLLER_TIME_S = 0.0 to 0.05 "s";
@@ -385,7 +385,6 @@ quantities! {
     flight_s FLIGHT_S = 0.1 to 1.9 "s";
     /// Steps of a simulation.
     step_s STEP_S = 0.00001 to 0.002 "s, beyond which contacts are wrong";
-    /// Counts of the steps of a solver.
     /// Widths and heights of images.
     image_px IMAGE_PX = 1.0 to 8192.0 "pixels";
     /// Focal lengths.

@@ -1,4 +1,4 @@
-//! Where a ray first meets a mesh.
+//! Intersection of rays with meshes.
 
 mod arm_surface;
 
@@ -15,9 +15,9 @@ use crate::mesh::TriangleMesh;
 
 pub use arm_surface::{ArmSurface, SurfacePart};
 
-/// How much the boxes of the hierarchy are widened, as a fraction of the mesh's radius. They are crossed in
-/// single precision, whose rounding errors stay far below this, so no triangle that the ray meets is ever
-/// passed over.
+/// Amount by which the boxes of the hierarchy are widened, as a fraction of the mesh's radius. They are
+/// crossed in single precision, whose rounding errors stay far below this, so no triangle that the ray meets
+/// is ever passed over.
 const BOX_PADDING: f64 = 1e-5;
 
 /// A mesh prepared for ray casting in its own frame.
@@ -28,7 +28,7 @@ const BOX_PADDING: f64 = 1e-5;
 #[derive(Debug, Clone)]
 pub struct RayCaster {
     hierarchy: CwBvh,
-    /// In the order in which the leaves of the hierarchy refer to them.
+    /// Triangles in the order in which the leaves of the hierarchy refer to them.
     triangles: Vec<Triangle>,
     centre: Point3<f64>,
     radius: f64,
@@ -91,12 +91,13 @@ impl RayCaster {
         self.cast_within(origin, direction, f64::INFINITY)
     }
 
-    /// As [`Self::cast`], but only what lies before `limit` counts, which spares searching behind it.
+    /// Casts a ray as [`Self::cast`] does, but only as far as `limit`, which spares searching behind it.
     pub fn cast_within(&self, origin: &Point3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<f64> {
         self.nearest(origin, direction, limit).map(|(t, _)| t)
     }
 
-    /// As [`Self::cast_within`], with the outward normal of the triangle that was met, of length one.
+    /// Casts a ray as [`Self::cast_within`] does; also returns the outward normal of the triangle that was
+    /// met, of length one.
     pub fn cast_to_face(
         &self,
         origin: &Point3<f64>,
@@ -121,7 +122,8 @@ impl RayCaster {
         if nearest - self.radius / speed > limit * (1.0 + 1e-9) {
             return None;
         }
-        // What passes the ball may still pass the box, which costs less to find out than the traversal does.
+        // A ray that passes the ball may still pass the box, which costs less to find out than the traversal
+        // does.
         let (mut enters, mut leaves) = (f64::NEG_INFINITY, limit);
         for axis in 0..3 {
             let inverse = 1.0 / direction[axis];
@@ -272,7 +274,7 @@ mod tests {
             }
         }
 
-        /// At 7 m the distance is that of the ball, but for its facets, which are 10 µm inside the sphere.
+        /// The distance from 7 m is that of the ball, but for its facets, which are 10 µm inside the sphere.
         #[test]
         fn far_sphere_is_where_it_is(direction in prop::array::uniform3(-1.0f64..1.0), offset in prop::array::uniform3(-0.02f64..0.02)) {
             let direction = Vector3::from(direction);

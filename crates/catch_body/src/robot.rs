@@ -1,4 +1,4 @@
-//! The model of a serial arm: joints, links, limits, outline.
+//! Model of a serial arm: joints, links, limits, collision geometry.
 
 use std::collections::BTreeMap;
 
@@ -10,8 +10,9 @@ use crate::{Gripper, pose::Pose, quantity, shape::Capsule, velocity_table::Veloc
 /// The most joints an arm may have.
 pub const MAX_JOINTS: usize = 8;
 
-/// One number per joint, base to tip: radians, rad/s, rad/s² or N·m. An arm with fewer joints than
-/// [`MAX_JOINTS`] leaves the last entries at zero, so that vectors are plain values and nothing allocates.
+/// A vector of one number per joint, base to tip: radians, rad/s, rad/s² or N·m. An arm with fewer joints
+/// than [`MAX_JOINTS`] leaves the last entries at zero, so that vectors are plain values and nothing
+/// allocates.
 pub type JointVector = SVector<f64, MAX_JOINTS>;
 
 /// Maps joint velocities in rad/s to a spatial velocity in W: rows 0–2 angular in rad/s, rows 3–5 linear in
@@ -21,7 +22,7 @@ pub type Jacobian = SMatrix<f64, 6, MAX_JOINTS>;
 /// Maps joint accelerations in rad/s² to torques in N·m; entries in kg·m².
 pub type MassMatrix = SMatrix<f64, MAX_JOINTS, MAX_JOINTS>;
 
-/// What a joint may do. All bounds are symmetric but the position's.
+/// Limits of a joint. All bounds are symmetric but the position's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointLimits {
     /// Lowest position in radians.
@@ -38,7 +39,7 @@ pub struct JointLimits {
     pub jerk: Option<f64>,
 }
 
-/// What an arm's limits are multiplied by; 1 is the arm as it is.
+/// Factors on an arm's limits; 1 is the arm as it is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LimitScale {
@@ -82,14 +83,15 @@ impl Inertia {
         Self { mass, com, about_com }
     }
 
-    /// Whether a body can have these moments: principal moments above zero, none larger than the sum of the
-    /// other two.
+    /// Returns whether a body can have these moments: principal moments above zero, none larger than the sum
+    /// of the other two.
     pub fn is_of_a_body(&self) -> bool {
         let moments = self.about_com.symmetric_eigenvalues();
         moments.min() > 0.0 && 2.0 * moments.max() <= moments.sum() * (1.0 + 1e-9)
     }
 
-    /// The same body in another frame: `X_AB` is the pose of the body's present frame B in the new frame A.
+    /// Inertia of the body in another frame: `X_AB` is the pose of the body's present frame B in the new
+    /// frame A.
     pub fn transformed(&self, X_AB: &Pose) -> Self {
         let R_AB = X_AB.rotation.to_rotation_matrix();
         Self {
@@ -163,23 +165,23 @@ pub struct Robot {
     pub joints: Vec<Joint>,
     /// Pose of the gripper in the last link.
     pub X_LG: Pose,
-    /// The same of grippers that are mounted in another way, by their names.
+    /// Poses in the last link of grippers that are mounted in another way, by their names.
     pub X_LG_by_gripper: BTreeMap<String, Pose>,
-    /// Where the fingers close, in the frame of the gripper: its origin until one is
+    /// Point in the frame of the gripper at which the fingers close: its origin until one is
     /// [carried](Self::carrying).
     pub tool_G: Point3<f64>,
     /// Speed of the hand in m/s at which the maker's controller stops, where one is stated.
     pub max_hand_speed_mps: Option<f64>,
     /// The paper's comfortable pose q0 (III-D).
     pub comfortable_q: JointVector,
-    /// Where the arm waits when nothing else is said.
+    /// Joint positions in which the arm waits unless others are given.
     pub ready_q: JointVector,
-    /// The arm's outline: capsules in the frame of link `.0`, link 0 being the base and link i the one that
-    /// joint i moves.
+    /// Collision geometry of the arm: capsules in the frame of link `.0`, link 0 being the base and link i
+    /// the one that joint i moves.
     pub capsules: Vec<(usize, Capsule)>,
     /// Links at most this far apart in the chain are not checked for collision with each other.
     pub ignored_neighbours: usize,
-    /// What stands still around the arm in its workcell.
+    /// Obstacles that stand still around the arm in its workcell.
     pub obstacles: Vec<Obstacle>,
 }
 
@@ -195,7 +197,7 @@ impl Robot {
         links.sum::<f64>() + self.X_LG.translation.vector.norm()
     }
 
-    /// One value per joint, zero beyond the last.
+    /// Vector of one value per joint, zero beyond the last.
     pub fn per_joint(&self, value: impl Fn(&Joint) -> f64) -> JointVector {
         JointVector::from_fn(|i, _| self.joints.get(i).map_or(0.0, &value))
     }
@@ -206,7 +208,7 @@ impl Robot {
         fits.then(|| JointVector::from_fn(|i, _| values.get(i).copied().unwrap_or(0.0)))
     }
 
-    /// This arm with its limits multiplied.
+    /// Multiplies the arm's limits.
     pub fn with_limits_scaled(mut self, by: &LimitScale) -> Self {
         self.max_hand_speed_mps = self.max_hand_speed_mps.map(|it| it * by.velocity);
         for joint in &mut self.joints {
@@ -219,13 +221,13 @@ impl Robot {
         self
     }
 
-    /// This arm with the pose in which this gripper is mounted.
+    /// Mounts the arm's gripper in the pose of this one.
     pub fn with_mount_of(mut self, gripper: &Gripper) -> Self {
         self.X_LG = self.X_LG_by_gripper.get(&gripper.name).copied().unwrap_or(self.X_LG);
         self
     }
 
-    /// This arm with the gripper's mass added to its last link, and the tool where the gripper grasps.
+    /// Adds the gripper's mass to the arm's last link, and puts the tool where the gripper grasps.
     ///
     /// The fingers count at their mean opening; where they stand changes the inertia by less than 1e-3 kg·m².
     pub fn carrying(self, gripper: &Gripper) -> Self {

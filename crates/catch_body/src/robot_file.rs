@@ -21,7 +21,7 @@ use crate::{
     velocity_table::VelocityFields,
 };
 
-/// What the `robot.toml` beside a `robot.urdf` says.
+/// Contents of the `robot.toml` beside a `robot.urdf`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RobotFile {
@@ -35,9 +35,9 @@ struct RobotFile {
     /// Speed at which the maker's controller stops, of the flange and of the tool.
     #[serde(default, deserialize_with = "quantity::hand_speed_mps")]
     max_hand_speed_mps: Option<f64>,
-    /// Where the arm waits, and where it is comfortable.
+    /// Joint positions in which the arm waits, and in which it is comfortable.
     poses: PosesFields,
-    /// What the URDF cannot say of each joint, by the joint's name.
+    /// Properties of each joint that the URDF cannot state, by the joint's name.
     joints: BTreeMap<String, JointFields>,
     /// Mass properties that take the place of the URDF's, by the link's name.
     #[serde(default)]
@@ -53,13 +53,13 @@ struct MountFields {
     /// Origin of the gripper in the frame of the last link.
     #[serde(deserialize_with = "quantity::offset_m")]
     position_m: [f64; 3],
-    /// Its rotation: roll, pitch and yaw about the fixed axes x, y and z, as in URDF.
+    /// Rotation: roll, pitch and yaw about the fixed axes x, y and z, as in URDF.
     #[serde(deserialize_with = "quantity::angle_rad")]
     rpy_rad: [f64; 3],
-    /// Whether nobody published it.
+    /// True if nobody published the pose.
     #[serde(default)]
     assumed: bool,
-    /// Why it is assumed.
+    /// Reason for the assumption.
     reason: Option<String>,
 }
 
@@ -70,12 +70,13 @@ struct PosesFields {
     /// The comfortable pose of the paper's heuristics, one angle per joint.
     #[serde(deserialize_with = "quantity::angle_rad")]
     comfortable_rad: Vec<f64>,
-    /// Where the arm waits, unless a scenario says otherwise.
+    /// Joint positions in which the arm waits, unless a scenario says otherwise.
     #[serde(deserialize_with = "quantity::angle_rad")]
     ready_rad: Vec<f64>,
 }
 
-/// What the URDF cannot say of a joint. Each value may be `{ value = …, assumed = true, reason = "…" }`.
+/// Properties of a joint that the URDF cannot state. Each value may be
+/// `{ value = …, assumed = true, reason = "…" }`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct JointFields {
@@ -115,21 +116,21 @@ struct CollisionFields {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CapsuleFields {
-    /// Name of the link that it belongs to, in whose frame the points are.
+    /// Name of the link that the capsule belongs to, in whose frame the points are.
     link: String,
-    /// Where the segment begins.
+    /// First end of the segment.
     #[serde(deserialize_with = "quantity::offset_m")]
     from_m: [f64; 3],
-    /// Where it ends.
+    /// Second end of the segment.
     #[serde(deserialize_with = "quantity::offset_m")]
     to_m: [f64; 3],
     /// Radius.
     #[serde(deserialize_with = "quantity::radius_m")]
     radius_m: f64,
-    /// Whether nobody published it.
+    /// True if nobody published the capsule.
     #[serde(default)]
     assumed: bool,
-    /// Why it is assumed.
+    /// Reason for the assumption.
     reason: Option<String>,
 }
 
@@ -138,11 +139,11 @@ struct CapsuleFields {
 pub struct RobotFiles<'a> {
     /// Name of the URDF file.
     pub urdf_file: &'a str,
-    /// Its content.
+    /// Content of the URDF file.
     pub urdf: &'a str,
     /// Name of the TOML file.
     pub toml_file: &'a str,
-    /// Its content.
+    /// Content of the TOML file.
     pub toml: &'a str,
 }
 
@@ -382,7 +383,7 @@ fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &Robo
     })
 }
 
-/// More capsules are refused: each pair costs time in every clearance.
+/// Greatest number of capsules: each pair costs time in every clearance.
 const MOST_CAPSULES: usize = 128;
 
 #[cfg(test)]

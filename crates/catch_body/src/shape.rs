@@ -7,9 +7,9 @@ use crate::pose::Pose;
 /// A cylinder with hemispherical ends: all points within `radius` of a segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Capsule {
-    /// One end of the segment, in metres.
+    /// First end of the segment, in metres.
     pub from: Point3<f64>,
-    /// Its other end.
+    /// Second end of the segment, in metres.
     pub to: Point3<f64>,
     /// Radius in metres.
     pub radius: f64,
@@ -25,7 +25,7 @@ pub struct Cuboid {
 }
 
 impl Capsule {
-    /// The same capsule in another frame: `X_AB` is the pose of its present frame B in the new frame A.
+    /// Capsule in another frame: `X_AB` is the pose of its present frame B in the new frame A.
     pub fn transformed(&self, X_AB: &Pose) -> Self {
         Self { from: X_AB * self.from, to: X_AB * self.to, radius: self.radius }
     }
@@ -134,7 +134,7 @@ impl Cuboid {
         widest
     }
 
-    /// Where the box reaches lowest along z once it has been moved by `X_AB`, the pose of its frame B in the
+    /// Lowest coordinate of the box along z once it has been moved by `X_AB`, the pose of its frame B in the
     /// frame A whose z axis counts.
     pub fn lowest_z(&self, X_AB: &Pose) -> f64 {
         // The corner that is lowest along the direction z, seen from B.

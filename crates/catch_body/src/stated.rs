@@ -18,12 +18,12 @@ use crate::{
 
 /// A value of a file, and why it is assumed where nobody published it.
 ///
-/// It is either the value alone, or a table `{ value = …, assumed = true, reason = "…" }`.
+/// In a file the value stands alone, or in a table `{ value = …, assumed = true, reason = "…" }`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stated<T> {
     /// The value.
     pub value: T,
-    /// Why it is assumed; `None` where it is published.
+    /// Reason for the assumption; `None` where the value is published.
     pub assumed: Option<String>,
 }
 
@@ -32,7 +32,7 @@ pub struct Stated<T> {
 pub struct Assumption {
     /// Path of the field within its file.
     pub field: String,
-    /// Why the value is what it is.
+    /// Reason for the value.
     pub reason: String,
 }
 

@@ -16,7 +16,7 @@ use node::Node;
 
 /// Letters of a value that are repeated in an error.
 const MOST_LETTERS: usize = 80;
-/// Faults of one file that are told at once.
+/// Greatest number of faults of one file that are reported at once.
 const MOST_FAULTS: usize = 20;
 
 impl InputError {
@@ -47,7 +47,7 @@ impl InputError {
         Self::from_table(file, table)
     }
 
-    /// The same for a table that has been parsed.
+    /// Reads settings from a table that has been parsed.
     ///
     /// # Errors
     /// As [`parse_toml_all`](Self::parse_toml_all).
@@ -68,8 +68,8 @@ impl InputError {
         }
     }
 
-    /// Whether settings that were made in code could stand in a file, every number within its range; `name`
-    /// takes the place of the file.
+    /// Checks that settings made in code could stand in a file, every number within its range; `name` takes
+    /// the place of the file.
     ///
     /// # Errors
     /// As [`parse_toml`](Self::parse_toml).
@@ -80,31 +80,31 @@ impl InputError {
     }
 }
 
-/// One step from a table or list to what is in it.
+/// Step from a table or list to a value in it.
 #[derive(Debug, Clone, PartialEq)]
 enum Step {
     Key(String),
     Index(usize),
 }
 
-/// What is wrong at a place.
+/// Fault at a place of a document.
 #[derive(Debug)]
 struct Fault {
-    /// From the inside out while it is handed up, then from the outside in.
+    /// Path to the place, from the inside out while it is handed up, then from the outside in.
     path: Vec<Step>,
     found: String,
     expected: String,
     kind: FaultKind,
 }
 
-/// What is wrong with what stands at a place.
+/// Kind of a fault in the value at a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum FaultKind {
     /// A number out of its range.
     Range,
-    /// Something of another kind, a list of another length.
+    /// A value of another kind, or a list of another length.
     Kind,
-    /// Anything else.
+    /// Any other fault.
     Other,
 }
 
@@ -211,7 +211,7 @@ fn brief(text: &str) -> String {
     if letters.next().is_some() { start + "…" } else { start }
 }
 
-/// What serde expected, in the words of a person who writes a file.
+/// Value that serde expected, in the words of a person who writes a file.
 fn in_words(expected: &dyn Expected) -> String {
     let text = expected.to_string();
     if let Some(length) = text.strip_prefix("an array of length ").or(text.strip_suffix(" elements in sequence")) {

@@ -16,10 +16,10 @@ use crate::{
     robot::Inertia,
 };
 
-/// What a file should be.
+/// Kind of file that is expected.
 const EXPECTED: &str = "a URDF description of a robot";
 
-/// What only draws, simulates or drives the robot, says something twice, or what all readers of URDF pass
+/// Names that only draw, simulate or drive the robot, repeat something, or that all readers of URDF pass
 /// over.
 pub const HARMLESS: Harmless = &[
     (
@@ -94,7 +94,7 @@ pub const HARMLESS: Harmless = &[
     ),
 ];
 
-/// What `robot.toml` says in place of the URDF, and what needs no shape beside its capsules.
+/// Names of what `robot.toml` states in place of the URDF, and of what needs no shape beside its capsules.
 pub const IN_TOML: Harmless = &[
     ("link", &["visual", "collision", "contact", "inertial"]),
     ("joint", &["limit"]),
@@ -125,9 +125,9 @@ pub fn parse(file: &str, text: &str) -> Result<Document, InputError> {
 pub struct Urdf<'a> {
     /// Name of the robot.
     pub name: String,
-    /// By name.
+    /// Links by their names.
     links: BTreeMap<&'a str, Element<'a>>,
-    /// By the names of their parents.
+    /// Joints by the names of their parents.
     joints: BTreeMap<&'a str, Vec<Element<'a>>>,
     /// Links that some joint moves.
     children: HashSet<&'a str>,
@@ -186,7 +186,7 @@ impl<'a> Urdf<'a> {
         self.joints.get(link).map_or(&[], Vec::as_slice)
     }
 
-    /// What drives joints.
+    /// Transmissions, which drive the joints.
     pub fn transmissions(&self) -> &[Element<'a>] {
         &self.transmissions
     }
@@ -271,12 +271,12 @@ impl<'a> Element<'a> {
         self.node.children(name).enumerate().map(move |(i, node)| self.within(node, &format!("{name} {}", i + 1)))
     }
 
-    /// Says that nothing within it is used.
+    /// Marks the element and all within it as not used.
     pub fn leave_out(&self) {
         self.node.leave_out();
     }
 
-    /// Whether there is an attribute of this name.
+    /// Returns whether there is an attribute of this name.
     pub fn has(&self, name: &'static str) -> bool {
         self.node.has(name)
     }
@@ -344,7 +344,7 @@ impl<'a> Element<'a> {
     /// The mass properties that an `<inertial>` states, in its link's frame.
     ///
     /// # Errors
-    /// What is missing, no number or out of the ranges of a mass, a moment and an offset.
+    /// A value that is missing, no number or out of the ranges of a mass, a moment and an offset.
     pub fn inertia(&self, [mass_kg, moment_kgm2, offset_m]: [Quantity; 3]) -> Result<Inertia, InputError> {
         let mass = self.required("mass")?.number("value", mass_kg)?;
         let X_LC = self.origin(offset_m)?;

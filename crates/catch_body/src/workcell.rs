@@ -1,4 +1,4 @@
-//! What stands still in a workcell beside the arm: a table, a fence, camera stands.
+//! Obstacles that stand still in a workcell beside the arm: a table, a fence, camera stands.
 
 use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
@@ -24,7 +24,7 @@ pub struct Obstacle {
     /// Name, for errors.
     pub name: String,
     solid: Solid,
-    /// The ball around it: centre in W, radius in metres.
+    /// The ball around the obstacle: centre in W, radius in metres.
     ball: (Point3<f64>, f64),
 }
 
@@ -36,14 +36,14 @@ enum Solid {
     Capsule(Capsule),
 }
 
-/// What a workcell's file says.
+/// Contents of a workcell's file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Workcell {
     /// Name.
     pub name: String,
-    /// What it is, in a sentence.
+    /// Description of the workcell, in a sentence.
     pub description: String,
-    /// What stands in it, in W.
+    /// Obstacles in the workcell, in W.
     pub obstacles: Vec<Obstacle>,
 }
 
@@ -53,7 +53,7 @@ pub struct Workcell {
 struct WorkcellFields {
     /// Name.
     name: String,
-    /// What it is, in a sentence.
+    /// Description of the workcell, in a sentence.
     description: String,
     /// Boxes.
     #[serde(default)]
@@ -69,13 +69,13 @@ struct WorkcellFields {
 struct BoxFields {
     /// Name, for errors.
     name: String,
-    /// Full extents along its own axes.
+    /// Full extents along the box's own axes.
     #[serde(deserialize_with = "quantity::obstacle_size_m")]
     size_m: [f64; 3],
-    /// Where its middle is.
+    /// Position of the middle of the box.
     #[serde(deserialize_with = "quantity::place_m")]
     position_m: [f64; 3],
-    /// Its rotation: roll, pitch and yaw about the fixed axes x, y and z.
+    /// Rotation: roll, pitch and yaw about the fixed axes x, y and z.
     #[serde(default, deserialize_with = "quantity::angle_rad")]
     rpy_rad: [f64; 3],
 }
@@ -86,10 +86,10 @@ struct BoxFields {
 struct CapsuleFields {
     /// Name, for errors.
     name: String,
-    /// Where the segment begins.
+    /// First end of the segment.
     #[serde(deserialize_with = "quantity::place_m")]
     from_m: [f64; 3],
-    /// Where it ends.
+    /// Second end of the segment.
     #[serde(deserialize_with = "quantity::place_m")]
     to_m: [f64; 3],
     /// Radius.
@@ -132,8 +132,8 @@ impl Obstacle {
         Self { name, ball: (capsule.centre(), capsule.bounding_radius()), solid: Solid::Capsule(capsule) }
     }
 
-    /// At least this far in metres a ball is from it; less where it is inside of the ball around the
-    /// obstacle.
+    /// Lower bound in metres of the distance from a ball to the obstacle; negative where the ball overlaps
+    /// the one around the obstacle.
     pub fn least_distance_to_ball(&self, centre_W: &Point3<f64>, radius: f64) -> f64 {
         (centre_W - self.ball.0).norm() - self.ball.1 - radius
     }
@@ -155,7 +155,7 @@ impl Obstacle {
         }
     }
 
-    /// Its surface in W.
+    /// Surface of the obstacle in W.
     pub fn mesh(&self) -> TriangleMesh {
         match &self.solid {
             Solid::Box(X_WS, cuboid) => TriangleMesh::cuboid(cuboid).transformed(X_WS),
@@ -163,12 +163,12 @@ impl Obstacle {
         }
     }
 
-    /// As a box with the pose of its frame, if it is one.
+    /// The box and the pose of its frame, if the obstacle is one.
     pub fn as_cuboid(&self) -> Option<(&Pose, &Cuboid)> {
         if let Solid::Box(X_WS, cuboid) = &self.solid { Some((X_WS, cuboid)) } else { None }
     }
 
-    /// As a capsule in W, if it is one.
+    /// The capsule in W, if the obstacle is one.
     pub fn as_capsule(&self) -> Option<&Capsule> {
         if let Solid::Capsule(capsule) = &self.solid { Some(capsule) } else { None }
     }

@@ -1,4 +1,4 @@
-//! Where the arm was at any time of a session.
+//! Motion of the arm during a session.
 
 use catch_body::JointVector;
 
@@ -10,7 +10,7 @@ const STILL_RAD: f64 = 1e-3;
 /// The arm as its encoders saw it at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmSample {
-    /// When, on the cell's clock.
+    /// Time of the sample in seconds, on the cell's clock.
     pub time_s: f64,
     /// Joint positions in radians.
     pub q: JointVector,
@@ -57,7 +57,7 @@ pub fn arm_at_rest(samples: &[ArmSample], time_s: f64) -> Option<ArmSample> {
 mod tests {
     use super::*;
 
-    /// Three samples of q = t³, which cubic interpolation gives exactly.
+    /// Cubic interpolation of three samples of q = t³ is exact.
     #[test]
     fn a_cubic_motion_is_interpolated_exactly() {
         let sample = |time_s: f64| ArmSample {

@@ -8,21 +8,21 @@ use super::{ArmSample, Session, arm_at, arm_at_rest};
 
 /// Joints that moved by less than this between two images, in radians, stood still.
 const STILL_RAD: f64 = 1e-3;
-/// Nor do images farther apart than this, in seconds, belong together.
+/// Largest time in seconds between images that belong together.
 const APART_S: f64 = 0.5;
-/// Where at least this fraction of the images show the same, that stands still.
+/// Least fraction of the images that show the same depth where something stands still.
 const STILL_FRACTION: f64 = 0.6;
-/// It shows the same within so many standard deviations.
+/// Standard deviations within which depths are the same.
 const SAME_SD: f64 = 5.0;
 
 /// Images of one camera and one pose of the arm, averaged.
 #[derive(Debug, Clone)]
 pub struct AveragedImage {
-    /// Which camera took them.
+    /// Camera that took the images.
     pub camera: usize,
     /// Mean capture time on the camera's own clock.
     pub capture_s: f64,
-    /// How many images.
+    /// Number of the images.
     pub(super) count: usize,
     /// The pixels that follow: all that show something.
     pub(super) window: PixelWindow,
@@ -34,7 +34,7 @@ pub struct AveragedImage {
 /// Images that are averaged as they come.
 #[derive(Debug, Default)]
 pub struct Averaging {
-    /// Those that were taken after the arm's last sample.
+    /// Images that were taken after the arm's last sample.
     early: VecDeque<DepthFrame>,
     /// The image of each camera to which the next one may belong, not yet divided by the count, and the arm
     /// in its first one.
@@ -139,7 +139,7 @@ impl AveragedImage {
         (self.inverse_m[i], self.shown[i])
     }
 
-    /// Whether the arm stood still.
+    /// Returns whether the arm stood still.
     pub fn is_still(&self, samples: &[ArmSample]) -> bool {
         arm_at(samples, self.capture_s).map_or(0.0, |it| it.dq.amax()) < super::SLOW_RADPS
     }
@@ -161,7 +161,7 @@ impl AveragedImage {
     }
 }
 
-/// What a camera sees wherever the arm is.
+/// Depths that a camera sees wherever the arm is.
 #[derive(Debug, Clone)]
 pub struct StillImage {
     /// 1/z in 1/m, row by row; zero where nothing stands still.
@@ -171,7 +171,7 @@ pub struct StillImage {
 }
 
 impl StillImage {
-    /// What most images show within the noise, whose standard deviation in 1/z is `sd_per_m`.
+    /// Depths that most images show within the noise, whose standard deviation in 1/z is `sd_per_m`.
     pub fn of(camera: &CameraModel, images: &[&AveragedImage], sd_per_m: f64) -> Self {
         let width_px = camera.width_px as usize;
         let same_m = (SAME_SD * sd_per_m) as f32;
@@ -193,7 +193,7 @@ impl StillImage {
         Self { inverse_m: (0..camera.full_window().area()).map(of_pixel).collect(), width_px, same_m }
     }
 
-    /// Whether a pixel shows what stands still there.
+    /// Returns whether a pixel shows the surface that stands still there.
     pub fn shows(&self, [column, row]: [usize; 2], inverse_m: f32) -> bool {
         let still = self.inverse_m[row * self.width_px + column];
         still > 0.0 && (inverse_m - still).abs() < self.same_m

@@ -115,7 +115,7 @@ pub fn moved(p: &Vector3<f64>, turn: &Vector3<f64>) -> Pose {
     Pose::from_parts(Translation3::from(*p), UnitQuaternion::from_scaled_axis(*turn))
 }
 
-/// One step of Gauss–Newton on Geman–McClure's loss.
+/// Moves the camera by one Gauss–Newton step on Geman–McClure's loss.
 fn step(images: &[PosedPoints], X_WC: &mut Pose, gate_m: f64) {
     let (mut information, mut pull) = (Matrix6::identity() * 1e-6, Vector6::zeros());
     for image in images {

@@ -1,4 +1,4 @@
-//! How many neighbouring measurements say no more than one, from their residuals.
+//! Correlation of neighbouring measurements, from their residuals: the number of them that count as one.
 
 use std::collections::BTreeMap;
 
@@ -72,12 +72,12 @@ impl Correlation {
         }
     }
 
-    /// Of depths.
+    /// Number of neighbouring depths that count as one.
     pub fn of_depths(&self) -> f64 {
         self.along_rows.factor() * self.along_columns.factor()
     }
 
-    /// Of silhouettes.
+    /// Number of neighbouring silhouette lines that count as one.
     pub fn of_silhouettes(&self) -> f64 {
         self.along_silhouettes.factor()
     }

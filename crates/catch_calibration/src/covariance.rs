@@ -12,16 +12,16 @@ use nalgebra::{DMatrix, DVector};
 
 use super::parameters::{FIRST_NUISANCE, OF_CAMERA};
 
-/// What one image tells of the parameters that it depends on.
+/// Information of one image about the parameters that it depends on.
 pub struct ImageInformation {
-    /// Where these are among all.
+    /// Indices of these parameters among all.
     pub places: Vec<usize>,
     pub information: DMatrix<f64>,
     pub pull: DVector<f64>,
 }
 
 impl ImageInformation {
-    /// Adds it, times a factor, to the information of all parameters.
+    /// Adds the information of the image, times a factor, to that of all parameters.
     pub fn add_to(&self, sum: &mut DMatrix<f64>, factor: f64) {
         for (column, j) in self.places.iter().enumerate() {
             for (row, i) in self.places.iter().enumerate() {
@@ -42,7 +42,7 @@ pub struct Equations {
     pub information: DMatrix<f64>,
     pub inverse: DMatrix<f64>,
     pub images: Vec<ImageInformation>,
-    /// What leads from where the images were linearized to the optimum.
+    /// Change of the parameters from where the images were linearized to the optimum.
     pub change: DVector<f64>,
 }
 

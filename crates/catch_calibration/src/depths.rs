@@ -59,7 +59,7 @@ pub fn measure(
     }
 }
 
-/// Which pixels of a rendering lie within `reach` rows and columns of a depth edge.
+/// Mask of the pixels of a rendering that lie within `reach` rows and columns of a depth edge.
 fn beside_edges(rendering: &Rendering<'_>, jump_per_m: f64, reach: usize) -> Vec<bool> {
     let (wide, high) = (rendering.window.width as usize, rendering.window.height as usize);
     let inverse_m = |i: usize| rendering.hits[i].map_or(0.0, |it| it.inverse_m);

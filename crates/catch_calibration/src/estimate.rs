@@ -19,9 +19,10 @@ const LARGE_STEP: f64 = 3e-4;
 /// Residuals of depths over the data sheet's standard deviation beyond which the model is not what the images
 /// show.
 const MOST_DEPTH_SD: f64 = 2.0;
-/// The same of the number of pixels on a line across a silhouette.
+/// Residuals, in pixels, of the number of pixels on a line across a silhouette beyond which the model is not
+/// what the images show.
 const MOST_SHOWN_SD_PX: f64 = 3.0;
-/// And of the fraction of outliers.
+/// Fraction of outliers beyond which the model is not what the images show.
 const MOST_OUTLIERS: f64 = 0.3;
 /// A link whose surface is farther from its model than so many times what is expected is another one.
 const MOST_LINK_SD: f64 = 5.0;
@@ -29,8 +30,8 @@ const MOST_LINK_SD: f64 = 5.0;
 const MOST_SD_M: f64 = 0.02;
 const MOST_SD_RAD: f64 = 0.02;
 
-/// Where the cameras stand, which are believed to be near `guesses`, from what they saw of the arm in a
-/// session.
+/// Estimates the poses of the cameras, which are believed to be near `guesses`, from what they saw of the arm
+/// in a session.
 pub fn calibrate(
     config: &Config,
     robot: &Robot,
@@ -71,7 +72,7 @@ pub fn calibrate(
     }
 }
 
-/// That of [`Calibration::covariance`].
+/// Joint covariance of all cameras, as in [`Calibration::covariance`].
 fn joint_covariance(estimate: &Estimate, config: &Config) -> DMatrix<f64> {
     let size = CAMERA_PARAMETERS * estimate.cameras.len();
     let Some(covariance) = &estimate.covariance else { return DMatrix::from_element(size, size, f64::INFINITY) };

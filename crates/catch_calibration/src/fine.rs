@@ -24,7 +24,7 @@ const HUBER_SD: f64 = 2.5;
 const OUTLIER_SD: f64 = 6.0;
 /// Standard deviation of the number of pixels on a line of which nothing is known yet.
 const FIRST_SHOWN_SD_PX: f64 = 4.0;
-/// Over that of the data sheet, the same of depths.
+/// First standard deviation of depths, over that of the data sheet.
 const FIRST_DEPTH_SD: f64 = 4.0;
 /// Standard deviations over the data sheet's, and in pixels, that no images have less than.
 const LEAST_DEPTH_SD: f64 = 0.2;
@@ -40,15 +40,15 @@ const SMALL: f64 = 2e-5;
 /// Correlations are taken from one in so many images.
 const CORRELATED_IMAGES: usize = 4;
 
-/// What is known of one camera beforehand, and its images.
+/// A camera as it is given beforehand, and its images.
 pub struct Observed<'a> {
-    /// Its intrinsics.
+    /// Intrinsics of the camera.
     pub camera: &'a CameraModel,
     pub images: Vec<&'a AveragedImage>,
     pub still: StillImage,
 }
 
-/// All that is compared.
+/// Measurements and model that are compared.
 pub struct Problem<'a> {
     pub robot: &'a Robot,
     pub gripper: &'a Gripper,
@@ -57,7 +57,7 @@ pub struct Problem<'a> {
     pub config: &'a Config,
 }
 
-/// What was found.
+/// Result of the fine alignment.
 pub struct Estimate {
     pub cameras: Vec<CameraState>,
     pub shared: Shared,
@@ -77,14 +77,14 @@ struct Spread {
     shown_correlation: f64,
 }
 
-/// What one step does beside stepping.
+/// Extent of a step: its images, and whether correlations are estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Pass {
-    /// Some images, silhouettes far around.
+    /// A step with some images, silhouettes far around.
     First,
-    /// All images.
+    /// A step with all images.
     All,
-    /// All images; neighbours' correlation is looked at.
+    /// A step with all images, in which neighbours' correlation is estimated.
     Correlating,
 }
 
@@ -93,7 +93,7 @@ struct State<'a> {
     cameras: Vec<CameraState>,
     shared: Shared,
     spreads: Vec<Spread>,
-    /// What the pixels of each image have in common, in standard deviations.
+    /// Offset that the pixels of each image have in common, in standard deviations.
     offsets: Vec<Vec<f64>>,
     residuals: Vec<Residuals>,
     last_step: Vec<f64>,
@@ -123,7 +123,7 @@ impl Problem<'_> {
                 break;
             }
         }
-        // What neighbours have in common changes the weights, and so the optimum.
+        // The correlation of neighbours changes the weights, and so the optimum.
         state.step(Pass::Correlating);
         let mut equations = None;
         for _ in 0..REWEIGHTED_STEPS {
@@ -144,7 +144,7 @@ fn offset_sd(config: &Config, image: &AveragedImage) -> f64 {
 }
 
 impl State<'_> {
-    /// One step of Gauss–Newton; the equations, if they have a solution.
+    /// Takes one Gauss–Newton step. Returns the equations, if they have a solution.
     fn step(&mut self, pass: Pass) -> Option<Equations> {
         let shared_from = OF_CAMERA * self.cameras.len();
         let size = shared_from + self.shared.values.len();
@@ -284,7 +284,7 @@ impl State<'_> {
     }
 }
 
-/// What the measurements of a camera are off by, in multiples of what they were expected to be.
+/// Residuals of the measurements of a camera, in multiples of their expected standard deviations.
 #[derive(Default)]
 struct Errors {
     of_depths: Vec<f64>,

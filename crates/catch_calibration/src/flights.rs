@@ -36,12 +36,12 @@ const LEAST_FLIGHTS: usize = 5;
 /// calibration, contradict it.
 const MOST_CHANGE_SD: f64 = 2.0;
 
-/// Where one image shows the object.
+/// Position of the object in one image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sighting {
-    /// Which camera took it.
+    /// Camera that took the image.
     pub camera: usize,
-    /// Its time stamp, in seconds on the camera's clock.
+    /// Time stamp of the image, in seconds on the camera's clock.
     pub capture_s: f64,
     /// The object's centre of mass in C.
     pub p_C: Vector3<f64>,
@@ -49,10 +49,10 @@ pub struct Sighting {
     pub covariance_C: Matrix3<f64>,
 }
 
-/// What was seen of one throw.
+/// Sightings of one throw.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Flight {
-    /// In any order.
+    /// Sightings, in any order.
     pub sightings: Vec<Sighting>,
 }
 
@@ -67,7 +67,8 @@ pub struct FlightSettings {
     /// Standard deviations of what the registration of a camera's images is off by in all flights, in metres:
     /// across the line of sight, and along it.
     pub offset_sd_m: [f64; 2],
-    /// The same of what it is off by beside that in each flight.
+    /// Standard deviations of what the registration is off by beside that in each flight, in metres: across
+    /// the line of sight, and along it.
     pub flight_offset_sd_m: [f64; 2],
     /// Flights of fewer sightings do not count.
     pub least_sightings: usize,
@@ -85,10 +86,10 @@ impl Default for FlightSettings {
     }
 }
 
-/// How far a refinement got.
+/// Outcome of a refinement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FlightStatus {
-    /// All is well.
+    /// The calibration was refined.
     Refined,
     /// No flight has enough sightings, or no camera was calibrated.
     TooFewSightings,
@@ -98,25 +99,25 @@ pub enum FlightStatus {
     Contradicting,
 }
 
-/// What flights made of a calibration.
+/// Result of a refinement of a calibration by flights.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refinement {
-    /// How far it got. Unless it refined, the calibration is as it was before.
+    /// Outcome of the refinement. Unless it refined, the calibration is as it was before.
     pub status: FlightStatus,
     /// Cameras that did not converge before are as they were.
     pub calibration: Calibration,
     /// Flights that counted.
     pub flights: usize,
-    /// Their sightings.
+    /// Sightings of the flights that counted.
     pub sightings: usize,
-    /// Fraction of these that did not count, being outliers.
+    /// Fraction of the sightings that did not count, being outliers.
     pub outlier_fraction: f64,
-    /// How much larger the variance of the sightings is than they say, one at least; the claimed covariance
-    /// contains it.
+    /// Ratio of the variance of the sightings to the one that they claim, one at least; the claimed
+    /// covariance contains it.
     pub variance_factor: f64,
     /// Rotation about x and y of W that leads from its z to the vertical, in radians.
     pub tilt_rad: [f64; 2],
-    /// Its standard deviations.
+    /// Standard deviations of the tilt, in radians.
     pub tilt_sd_rad: [f64; 2],
     /// Root mean square of how far the cameras moved, in standard deviations of the calibration.
     pub change_sd: f64,
@@ -161,9 +162,9 @@ pub fn refine(calibration: &Calibration, flights: &[Flight], settings: &FlightSe
     }
 }
 
-/// All that is estimated, and what is known of it beforehand.
+/// Parameters that are estimated, and their priors.
 struct Problem {
-    /// Which cameras are refined.
+    /// Indices of the cameras that are refined.
     refined: Vec<usize>,
     calibrated: Vec<CameraState>,
     cameras: Vec<CameraState>,
@@ -226,7 +227,7 @@ impl Problem {
         Some(Self { refined, calibrated, cameras, tilt_rad, flights, prior, of_flights, factor: 1.0 })
     }
 
-    /// How far all that flights have in common is from where it was expected, parameter by parameter.
+    /// Deviations from their prior means of all parameters that flights have in common.
     fn deviation(&self) -> DVector<f64> {
         let mut all = Vec::with_capacity(self.prior.nrows());
         for (camera, before) in self.cameras.iter().zip(&self.calibrated) {
@@ -278,11 +279,12 @@ impl Problem {
                 break;
             }
         }
-        // Where sightings go on to count and not to count in turn, steps stay as large as these are.
+        // Steps stay as large as these are if sightings alternate between counting and not.
         (length_sd < NOT_LARGE_SD).then_some(())
     }
 
-    /// How much larger the variance of single sightings is than they say, by the median of their residuals.
+    /// Ratio of the variance of single sightings to the one that they claim, by the median of their
+    /// residuals.
     fn variance_factor(&self) -> f64 {
         let rows = self.flights.iter().flat_map(|it| it.rows(&self.cameras, self.tilt_rad));
         let mut squares: Vec<f64> = rows.map(|it| it.residual.norm_squared()).collect();
@@ -336,8 +338,8 @@ impl Problem {
     }
 }
 
-/// How much more the flights vary than their sightings say: the jackknife's covariance over that of
-/// independent residuals, both over the information of all (`covariance.rs`). One, where there are few
+/// Ratio of the flights' variance to the one that their sightings claim: the jackknife's covariance over that
+/// of independent residuals, both over the information of all (`covariance.rs`). One, where there are few
 /// flights.
 fn variation(information: &DMatrix<f64>, equations: &[FlightEquations]) -> Option<f64> {
     if equations.len() < LEAST_FLIGHTS {

@@ -83,7 +83,7 @@ impl World {
         found
     }
 
-    /// Moved along one parameter, counted as the rows count it.
+    /// The world moved along one parameter, counted as the rows count it.
     fn changed(&self, parameter: usize, by: f64) -> Self {
         let mut world = self.clone();
         match parameter {
@@ -106,8 +106,8 @@ fn key(it: &Measurement) -> Key {
     (it.is_depth(), is_along_row(it), it.place)
 }
 
-/// Of depths and of silhouettes, each parameter: half of the derivatives agree within 2 %, and 90 % within 10
-/// %; the others are beside the edges of the surfaces' flat facets.
+/// Derivatives of depths and of silhouettes agree with finite differences: for each parameter half of them
+/// within 2 %, and 90 % within 10 %; the others are beside the edges of the surfaces' flat facets.
 #[test]
 fn derivatives_are_those_of_the_renderings() {
     let world = World::new();

@@ -107,37 +107,37 @@ pub struct Config {
     pub poses: usize,
     /// Images of each camera in each pose.
     pub images_per_pose: usize,
-    /// How long the arm settles in each pose before them, in seconds.
+    /// Time for which the arm settles in each pose before the images, in seconds.
     pub settling_s: f64,
-    /// From an observation to the command that answers it, in seconds.
+    /// Latency from an observation to the command that answers it, in seconds.
     pub expected_latency_s: f64,
-    /// Standard deviation of 1/z of a pixel in 1/m, of which the camera's data sheet tells.
+    /// Standard deviation of 1/z of a pixel in 1/m, from the camera's data sheet.
     pub inverse_depth_sd_per_m: f64,
-    /// Fraction of its variance that all pixels of an image have in common.
+    /// Fraction of the variance of 1/z that all pixels of an image have in common.
     pub common_fraction: f64,
     /// Standard deviation of the scale of a camera's depths.
     pub scale_sd: f64,
     /// Standard deviation of the time between the clocks of a camera and the arm, in seconds.
     pub time_offset_sd_s: f64,
-    /// Standard deviation of each joint's zero, in radians; zero is exact. The images tell it, if it is not
-    /// set.
+    /// Standard deviation of each joint's zero, in radians; zero is exact. It is estimated from the images,
+    /// if it is not set.
     pub joint_zero_sd_rad: Option<f64>,
-    /// Standard deviation of how far the surface of each link is from its model, in metres; zero is exact.
-    /// The images tell it, if it is not set.
+    /// Standard deviation of how far the surface of each link is from its model, in metres; zero is exact. It
+    /// is estimated from the images, if it is not set.
     pub link_sd_m: Option<f64>,
     /// Standard deviations of the gripper's mount, in metres and radians about each axis.
     pub mount_sd_m: f64,
-    /// The same for its rotation.
+    /// Standard deviation of the rotation of the gripper's mount about each axis, in radians.
     pub mount_sd_rad: f64,
-    /// How far the first guess may be off along each axis, in metres.
+    /// Largest error of the first guess along each axis, in metres.
     pub guess_position_m: f64,
-    /// And about each axis, in radians.
+    /// Largest error of the first guess about each axis, in radians.
     pub guess_rotation_rad: f64,
     /// Starts of the coarse alignment.
     pub starts: usize,
     /// Surfaces seen more steeply than this, from their normal in radians, have no depths to compare.
     pub max_incidence_rad: f64,
-    /// Nor have pixels this near to a depth edge.
+    /// Pixels this near to a depth edge have no depths to compare, either.
     pub edge_px: usize,
     /// Pixels to each side of a silhouette that are counted.
     pub silhouette_px: usize,
@@ -183,10 +183,10 @@ impl Config {
     }
 }
 
-/// How far the calibration of a camera got.
+/// Outcome of the calibration of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CalibrationStatus {
-    /// All is well.
+    /// The calibration converged.
     Converged,
     /// Fewer than three images show the arm.
     TooFewImages,
@@ -198,34 +198,34 @@ pub enum CalibrationStatus {
     Uncertain,
 }
 
-/// What the calibration of a camera found.
+/// Result of the calibration of a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraCalibration {
-    /// How far it got. Unless it converged, nothing else is to be believed.
+    /// Outcome of the calibration. Unless it converged, nothing else is to be believed.
     pub status: CalibrationStatus,
     /// Pose of the camera in the world.
     pub X_WC: Pose,
     /// Covariance of X_WC·exp(ω, v): rotation about the axes of C in radians, then translation along them in
     /// metres.
     pub covariance: Matrix6<f64>,
-    /// Measured depths are true ones times 1 + this.
+    /// Relative error of depths: measured depths are true ones times 1 + this.
     pub depth_scale: f64,
-    /// What is to be added to the time stamps of the camera's images, in seconds.
+    /// Offset to be added to the time stamps of the camera's images, in seconds.
     pub time_offset_s: f64,
-    /// Its standard deviation; none where the camera saw no motion.
+    /// Standard deviation of the time offset in seconds; none where the camera saw no motion.
     pub time_offset_sd_s: Option<f64>,
-    /// How well the images fit.
+    /// Residuals of the images.
     pub residuals: Residuals,
 }
 
-/// How well the images of a camera fit.
+/// Goodness of fit of a camera's images.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Residuals {
     /// Images, those of one pose together counting as one.
     pub images: usize,
     /// Pixels whose depths were compared.
     pub depths: usize,
-    /// Robust standard deviation of their 1/z in one image, in 1/m.
+    /// Robust standard deviation of the depths' 1/z in one image, in 1/m.
     pub inverse_depth_sd_per_m: f64,
     /// Lines across silhouettes that were compared.
     pub silhouettes: usize,
@@ -233,16 +233,16 @@ pub struct Residuals {
     pub silhouette_sd_px: f64,
     /// Fraction of the comparisons that did not count, being outliers.
     pub outlier_fraction: f64,
-    /// How many neighbouring depths say no more than one.
+    /// Number of neighbouring depths that count as one, being correlated.
     pub depth_correlation: f64,
-    /// The same for silhouettes.
+    /// Number of neighbouring silhouette lines that count as one, being correlated.
     pub silhouette_correlation: f64,
 }
 
 /// Rows of each camera in [`Calibration::covariance`].
 pub const CAMERA_PARAMETERS: usize = 8;
 
-/// What a calibration found.
+/// Result of a calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
     /// Camera by camera.
@@ -251,8 +251,8 @@ pub struct Calibration {
     /// [`CameraCalibration::covariance`], depth scale, and time offset in seconds. Cameras that were
     /// calibrated on one arm have its errors in common.
     pub covariance: DMatrix<f64>,
-    /// What the joints' positions are off by, in radians, as far as they are uncertain.
+    /// Errors of the joints' zero positions in radians, as far as they are uncertain.
     pub joint_zero_rad: Vec<f64>,
-    /// How far the links' surfaces are outside of their models, in metres, as far as they are uncertain.
+    /// Distances of the links' surfaces outside of their models in metres, as far as they are uncertain.
     pub link_offset_m: Vec<f64>,
 }

@@ -3,7 +3,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Of one image: its own parameters, and last what its pixels have in common, whose prior is N(0, 1).
+/// Normal equations of one image: its own parameters, and last what its pixels have in common, whose prior is
+/// N(0, 1).
 #[derive(Debug, Clone)]
 pub struct ImageEquations {
     size: usize,
@@ -13,7 +14,7 @@ pub struct ImageEquations {
 }
 
 impl ImageEquations {
-    /// Of so many parameters, of which the last one is at `last` now.
+    /// Equations of so many parameters, of which the last one is at `last` now.
     pub fn new(size: usize, last: f64) -> Self {
         let (mut information, mut pull) = (vec![0.0; size * size], vec![0.0; size]);
         (information[size * size - 1], pull[size - 1]) = (1.0, -last);
@@ -59,7 +60,7 @@ impl ImageEquations {
 mod tests {
     use super::*;
 
-    /// Two parameters and one that is eliminated, against the whole system.
+    /// Elimination of one of three parameters agrees with the solution of the whole system.
     #[test]
     fn elimination_is_the_whole_systems_solution() {
         let rows = [[1.0, 0.5, 1.0], [0.2, 1.0, 1.0], [0.9, -0.4, 1.0], [0.1, 0.1, 1.0]];

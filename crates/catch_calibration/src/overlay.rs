@@ -10,9 +10,9 @@ use super::{AveragedImage, Session, rendering::Rendering};
 pub struct Overlay {
     /// Width of the image.
     pub width_px: usize,
-    /// Whether each pixel shows something, row by row.
+    /// True for each pixel that shows something, row by row.
     pub shown: Vec<bool>,
-    /// Whether it should show the arm.
+    /// True for each pixel that should show the arm, row by row.
     pub predicted: Vec<bool>,
 }
 

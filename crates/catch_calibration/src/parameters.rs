@@ -1,8 +1,8 @@
-//! What is estimated, and how measurements depend on it.
+//! Parameters of a calibration, and the derivatives of measurements by them.
 //!
 //! Parameters other than the cameras' poses count in their standard deviations, so that each has the prior
-//! N(0, 1), and one that is exact has a column of zeros. Where nobody says how far joint zeros and links'
-//! surfaces are off, the images tell ([`Shared::tell`]).
+//! N(0, 1), and one that is exact has a column of zeros. Where no standard deviation of joint zeros or links'
+//! surfaces is given, it is estimated from the images ([`Shared::tell`]).
 
 use catch_body::{
     Gripper, JointVector, MAX_JOINTS, Pose, Robot,
@@ -20,27 +20,27 @@ use super::{
 /// Parameters of each camera: rotation and translation, scale, time offset, growth at edges, its rise with
 /// the slope, loss, loss of growth.
 pub const OF_CAMERA: usize = 12;
-/// The first of them that is no part of the pose.
+/// The first parameter of a camera that is no part of its pose.
 pub const FIRST_NUISANCE: usize = 6;
-/// Which of them is the time offset.
+/// Index of the time offset among a camera's parameters.
 pub const TIME_OFFSET: usize = 7;
 /// Standard deviations of growth, its rise with the slope, loss over the predicted one, and growth that is
 /// lost with the last pixel, in pixels.
 const GROWTH_SD: [f64; 4] = [3.0, 3.0, 1.0, 1.0];
 
-/// First standard deviation of joint zeros, in radians, where the images tell it.
+/// First standard deviation of joint zeros, in radians, where the images determine it.
 const FIRST_ZERO_SD_RAD: f64 = 5e-4;
-/// The same of links' surfaces, in metres.
+/// First standard deviation of links' surfaces, in metres, where the images determine it.
 pub const FIRST_LINK_SD_M: f64 = 1e-3;
-/// How many times these the standard deviations are, at least and at most.
+/// Least and greatest ratio of the estimated standard deviations to the first ones.
 const TOLD: [f64; 2] = [0.02, 10.0];
 /// Images that determine fewer than so many of the zeros, or surfaces, do not tell their standard deviation.
 const DETERMINED: f64 = 0.5;
 
-/// No link is thinner, in metres.
+/// Least radius of a link, in metres.
 const LEAST_RADIUS_M: f64 = 0.001;
 
-/// What is estimated of one camera.
+/// Parameters of one camera.
 #[derive(Debug, Clone, Copy)]
 pub struct CameraState {
     pub X_WC: Pose,
@@ -53,22 +53,22 @@ impl CameraState {
         self.nuisance[1] * config.time_offset_sd_s
     }
 
-    /// What is predicted of a measurement beyond its rendering, but for what an image's pixels have in
+    /// Correction of a measurement's prediction beyond its rendering, but for what an image's pixels have in
     /// common.
     pub fn correction(&self, it: &Measurement, config: &Config) -> f64 {
         nuisance_columns(it, config).iter().zip(&self.nuisance).map(|(column, value)| column * value).sum()
     }
 }
 
-/// What all cameras have in common: joint zeros, links' surfaces, mount of the gripper (rotation and
-/// translation in G).
+/// Parameters that all cameras have in common: joint zeros, links' surfaces, mount of the gripper (rotation
+/// and translation in G).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shared {
-    /// In standard deviations.
+    /// Values in standard deviations.
     pub values: Vec<f64>,
-    /// Which parameter each of them is.
+    /// Kind of each parameter, and its standard deviation.
     kinds: Vec<(Kind, f64)>,
-    /// By [`Kind::told`].
+    /// Standard deviations by [`Kind::told`].
     told: [Told; 2],
 }
 
@@ -76,7 +76,7 @@ pub struct Shared {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Told {
     sd: f64,
-    /// Whether the images tell it.
+    /// True if the images determine the standard deviation.
     by_images: bool,
 }
 
@@ -89,7 +89,7 @@ enum Kind {
 }
 
 impl Kind {
-    /// Which of the standard deviations that the images may tell is its own.
+    /// Index of the parameter's standard deviation among those that the images may determine.
     fn told(self) -> Option<usize> {
         match self {
             Self::JointZero(_) => Some(0),

@@ -1,8 +1,8 @@
-//! Poses of the arm that tell most about where the cameras stand: greedy choice among random ones.
+//! Poses of the arm that are most informative about the cameras' poses: greedy choice among random ones.
 //!
-//! What a pose tells of each camera is the information of what would be compared in its image. The
-//! determinant of the information on the camera's pose, the nuisances eliminated, is to grow (D-optimal
-//! design).
+//! The information about a camera that a pose gives is that of the measurements which would be compared in
+//! its image. The determinant of the information on the camera's pose, the nuisances eliminated, is to grow
+//! (D-optimal design).
 
 use std::f64::consts::PI;
 
@@ -23,13 +23,13 @@ use catch_bot::trajectory_optimization::MotionPlanner;
 
 /// Poses to choose among.
 const CANDIDATES: usize = 100;
-/// Random poses that are tried for them, at most.
+/// Random poses that are tried for the choice, at most.
 const TRIES: usize = 5000;
 /// The arm keeps this far from itself and its surroundings, in metres.
 const CLEARANCE_M: f64 = 0.04;
 /// Fraction of each joint's range.
 const RANGE: f64 = 0.85;
-/// Images are so many times smaller for this.
+/// Images are so many times smaller for the choice.
 const SMALLER: u32 = 4;
 /// Standard deviation of the number of pixels on a line across a silhouette.
 const SHOWN_SD_PX: f64 = 0.9;
@@ -112,7 +112,7 @@ fn smaller(camera: &CameraModel) -> CameraModel {
     }
 }
 
-/// What an image of a pose would tell of a camera.
+/// Information about a camera that an image of a pose would give.
 fn information(
     config: &Config,
     robot: &Robot,

@@ -1,4 +1,4 @@
-//! What a camera would see of the arm: inverse depth, surface normal and part of each pixel.
+//! Rendering of the arm as a camera would see it: inverse depth, surface normal and part of each pixel.
 
 use catch_body::{
     Pose,
@@ -24,7 +24,7 @@ struct Body<'a> {
     window: PixelWindow,
 }
 
-/// What one pixel's ray meets.
+/// Intersection of one pixel's ray with the arm.
 #[derive(Debug, Clone, Copy)]
 pub struct Hit {
     /// 1/z in 1/m.
@@ -33,7 +33,7 @@ pub struct Hit {
     pub normal_C: Vector3<f64>,
     /// Cosine of the angle of incidence.
     pub cosine: f64,
-    /// What was met.
+    /// Part of the surface that was met.
     pub part: SurfacePart,
 }
 
@@ -44,7 +44,7 @@ pub struct Rendering<'a> {
     bodies: Vec<Body<'a>>,
     /// The pixels that follow: all that may show the arm, and some around them.
     pub window: PixelWindow,
-    /// What each of them shows, row by row.
+    /// Intersection of each pixel's ray in the window, row by row.
     pub hits: Vec<Option<Hit>>,
 }
 
@@ -61,7 +61,7 @@ impl<'a> Rendering<'a> {
                 bodies.push(Body { part, X_BC, caster, nearest_m: centre_C.z - caster.radius(), window });
             }
         }
-        // What is known to be hidden costs little.
+        // Surfaces that are known to be hidden cost little.
         bodies.sort_by(|one, two| one.nearest_m.total_cmp(&two.nearest_m));
         let arm = bodies.iter().filter(|it| it.part != SurfacePart::Obstacle);
         let window = arm.map(|it| it.window).reduce(hull).map(|it| widened(&it, &full)).unwrap_or_default();
@@ -87,7 +87,7 @@ impl<'a> Rendering<'a> {
         }
     }
 
-    /// What the ray through image coordinates meets.
+    /// Nearest intersection of the ray through image coordinates.
     pub fn hit_at(&self, u_px: f64, v_px: f64) -> Option<Hit> {
         let ray_C = ray(self.camera, u_px, v_px);
         let pixel = PixelWindow { left: u_px as u32, top: v_px as u32, width: 1, height: 1 };
@@ -97,7 +97,7 @@ impl<'a> Rendering<'a> {
         })
     }
 
-    /// What the pixel in a column and row of the window shows; nothing outside of it.
+    /// Intersection of the pixel in a column and row of the window; none outside of it.
     pub fn at(&self, column: i64, row: i64) -> Option<&Hit> {
         let inside =
             column >= 0 && row >= 0 && column < i64::from(self.window.width) && row < i64::from(self.window.height);

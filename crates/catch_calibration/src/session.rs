@@ -11,12 +11,12 @@ use catch_bot::trajectory_optimization::MotionPlanner;
 
 /// A motion that is not executed so long after it should be was lost, in seconds.
 const OVERDUE_S: f64 = 0.5;
-/// How long images may be under way, in seconds.
+/// Longest time that images may be under way, in seconds.
 const LATEST_IMAGE_S: f64 = 0.3;
 /// Motions that are tried to one pose.
 const TRIES: usize = 3;
 
-/// What was seen: arm and images.
+/// Observations of a session: arm and images.
 #[derive(Debug, Clone, Default)]
 pub struct Session {
     /// The arm at each tick, in the order of time.
@@ -42,20 +42,20 @@ pub struct CalibrationRun {
 
 #[derive(Debug, Clone, Copy)]
 enum Phase {
-    /// Nothing is under way.
+    /// No motion is under way.
     Ready,
-    /// On the way to a pose; whether images in motion have been asked for.
+    /// A motion to a pose is under way; `has_looked` is true if images in motion have been asked for.
     Moving { id: TrajectoryId, start_s: f64, end_s: f64, has_looked: bool },
     /// Looking since then.
     Looking { from_s: f64, images: usize },
     /// The last images are under way.
     Ending { from_s: f64 },
-    /// All is done.
+    /// All poses are done.
     Done,
 }
 
 impl CalibrationRun {
-    /// For an arm and cameras; the poses in the order in which they are taken.
+    /// A run for an arm and cameras; the poses in the order in which they are taken.
     pub fn new(config: Config, planner: MotionPlanner, cameras: &[CameraModel], poses: Vec<JointVector>) -> Self {
         let full = cameras.iter().map(CameraModel::full_window).collect();
         Self {
@@ -72,12 +72,12 @@ impl CalibrationRun {
         }
     }
 
-    /// Whether all poses have been taken, or skipped where no motion leads there.
+    /// Returns whether all poses have been taken, or skipped where no motion leads there.
     pub fn is_done(&self) -> bool {
         matches!(self.phase, Phase::Done)
     }
 
-    /// What was seen.
+    /// Observations of the run.
     pub fn into_session(mut self) -> Session {
         self.averaging.end(&mut self.session);
         self.session

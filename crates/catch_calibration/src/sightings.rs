@@ -1,4 +1,4 @@
-//! What the cameras see of one throw: positions of the object in single images.
+//! Sightings of one throw by the cameras: positions of the object in single images.
 
 use std::sync::Arc;
 
@@ -18,13 +18,14 @@ use super::{
 
 /// Images that were taken within this time are registered together, once it is known how the object moves.
 const TOGETHER_S: f64 = 0.005;
-/// What is farther from the predicted flight, in metres and in standard deviations beside that, is not on it.
+/// Distance beyond which a position is not on the predicted flight, in metres and in standard deviations
+/// beside that.
 const GATE_M: f64 = 0.05;
 const GATE_SD: f64 = 3.0;
 /// Images by themselves are registered from so many poses on, when it is known where the object is.
 const LEAST_POSES: usize = 4;
-/// So many poses in a row beside the flight end it: the object has hit something. A flight of few poses was
-/// none, and another begins.
+/// Number of poses in a row beside the flight that end it: the object has hit something. A flight of few
+/// poses was none, and another begins.
 const ENDING_POSES: usize = 3;
 const FEW_POSES: usize = 8;
 /// An object that has not been seen for so long, in seconds, is gone.
@@ -76,12 +77,12 @@ impl FlightRun {
         }
     }
 
-    /// Whether the flight is over.
+    /// Returns whether the flight is over.
     pub fn is_done(&self) -> bool {
         self.is_done
     }
 
-    /// What was seen.
+    /// Flight that was seen.
     pub fn into_flight(self) -> Flight {
         Flight { sightings: self.sightings }
     }
@@ -198,7 +199,7 @@ impl Brain for FlightRun {
     }
 }
 
-/// Whether a pose may be one of a flight.
+/// Returns whether a pose may be one of a flight.
 fn is_on(flight: &FlightTrajectory, pose: &ObjectPose) -> bool {
     let off_m = (pose.X_WO.translation.vector - flight.pose_at(pose.capture_s).translation.vector).norm();
     let pose_sd_m = position_covariance(pose).map_or(0.0, |it| it.trace().sqrt());

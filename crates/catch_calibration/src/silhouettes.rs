@@ -22,15 +22,15 @@ const BISECTIONS: usize = 8;
 /// Silhouettes more slanted than this to their line are left to the lines across.
 const STEEPEST: f64 = 1.0;
 
-/// Where a line of pixels crosses the silhouette.
+/// Crossing of a line of pixels with the silhouette.
 #[derive(Debug, Clone, Copy)]
 struct Crossing {
     line: i64,
     /// The last pixel before the silhouette.
     last: i64,
-    /// Whether the arm begins there, or else ends.
+    /// True if the arm begins there, false if it ends.
     begins: bool,
-    /// Along the line, in pixels of the window.
+    /// Position along the line, in pixels of the window.
     at_px: f64,
     slope: f64,
     grazing_px: f64,

@@ -22,7 +22,7 @@ impl fmt::Display for TrajectoryId {
 /// The arm as its robot controller reports it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ArmState {
-    /// When it was sampled, on the cell's clock as well as the controller knows it.
+    /// Time of the sample in seconds, on the cell's clock as well as the controller knows it.
     #[serde(deserialize_with = "quantity::clock_s")]
     pub time_s: f64,
     /// Positions in radians as the encoders give them.
@@ -31,7 +31,7 @@ pub struct ArmState {
     /// Velocities in rad/s as the encoders give them.
     #[serde(deserialize_with = "quantity::joint_radps")]
     pub dq: JointVector,
-    /// What the controller asks of the joints at this instant, free of the encoders' noise.
+    /// Set-point that the controller commands to the joints at this instant, free of the encoders' noise.
     pub commanded: Setpoint,
     /// The trajectory that is being executed, or that ended last and is held; `None` before the first one.
     pub executing: Option<TrajectoryId>,
@@ -40,7 +40,7 @@ pub struct ArmState {
 }
 
 impl ArmState {
-    /// What the controller will ask for at `time_s` if its acceleration stays as it is.
+    /// Set-point that the controller will command at `time_s` if its acceleration stays as it is.
     pub fn extrapolated(&self, time_s: f64) -> Setpoint {
         let Setpoint { q, dq, ddq } = self.commanded;
         let ahead_s = time_s - self.time_s;
@@ -51,37 +51,37 @@ impl ArmState {
 /// A trajectory that was not taken.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RejectedTrajectory {
-    /// Which one.
+    /// Identifier of the trajectory.
     pub id: TrajectoryId,
-    /// Why.
+    /// Reason for the rejection.
     pub reason: Rejection,
 }
 
 /// A motion of the arm, sampled by the robot controller at its own rate by absolute time.
 ///
-/// It is twice continuously differentiable (C²). At its start it must equal the trajectory that is executing
-/// then, in position, velocity and acceleration; it must end at rest and stays there. One that arrives after
-/// its start is rejected as late and the old one goes on.
+/// The trajectory is twice continuously differentiable (C²). At its start it must equal the trajectory that
+/// is executing then, in position, velocity and acceleration; it must end at rest and stays there. One that
+/// arrives after its start is rejected as late and the old one goes on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ArmTrajectory {
-    /// What the controller calls it when it tells what became of it.
+    /// Identifier by which the controller reports what became of the trajectory.
     pub id: TrajectoryId,
     /// Joint positions over absolute time; the first knot is the start.
     pub spline: BSpline,
 }
 
 impl ArmTrajectory {
-    /// When it takes over.
+    /// Time in seconds at which the trajectory takes over.
     pub fn start_s(&self) -> f64 {
         self.spline.start_s()
     }
 
-    /// When it comes to rest.
+    /// Time in seconds at which the trajectory comes to rest.
     pub fn end_s(&self) -> f64 {
         self.spline.end_s()
     }
 
-    /// What it asks for at `time_s`: its first point before the start, its last, at rest, after the end.
+    /// Set-point at `time_s`: the first point before the start, the last point, at rest, after the end.
     pub fn setpoint(&self, time_s: f64) -> Setpoint {
         self.spline.setpoint(time_s)
     }

@@ -30,7 +30,7 @@ pub struct CameraModel {
     /// Images per second, where that is known.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "quantity::rate_hz")]
     pub rate_hz: Option<f64>,
-    /// What its data sheet says of its errors; none are expected without one.
+    /// Depth errors according to the camera's data sheet; none are expected without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheet: Option<DataSheet>,
 }
@@ -136,9 +136,9 @@ impl PixelWindow {
 /// One depth image, or the window of it that was read out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DepthFrame {
-    /// Which camera took it: an index into the cell's list of cameras.
+    /// Camera that took the image: an index into the cell's list of cameras.
     pub camera: usize,
-    /// When the shutter closed, in seconds on the cell's clock.
+    /// Time at which the shutter closed, in seconds on the cell's clock.
     #[serde(deserialize_with = "quantity::clock_s")]
     pub capture_s: f64,
     /// The part of the image that follows.
@@ -146,8 +146,8 @@ pub struct DepthFrame {
     /// Depth along the optical axis (z of C, not the length of the ray) in metres, row by row, one value per
     /// pixel of the window; NaN where nothing was measured.
     pub depth_m: Vec<f32>,
-    /// Which of these pixels show the thrown object, in the same order and number, where the cell's sensors
-    /// can tell.
+    /// True for each pixel that shows the thrown object, in the order of the depths; `None` where the cell's
+    /// sensors cannot tell the object apart.
     pub mask: Option<Vec<bool>>,
 }
 
@@ -156,14 +156,14 @@ pub struct DepthFrame {
 /// The cameras' poses are in the reference frame R, in which the object stood still.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ReferenceScan {
-    /// Where the images were taken from.
+    /// Cameras that took the images.
     pub cameras: Vec<CameraModel>,
-    /// One image per camera or more, masked.
+    /// Images, masked: at least one per camera.
     pub frames: Vec<DepthFrame>,
 }
 
 impl ReferenceScan {
-    /// Whether no image shows anything.
+    /// Returns whether no image shows anything.
     pub fn is_empty(&self) -> bool {
         !self.frames.iter().flat_map(|frame| &frame.depth_m).any(|depth| depth.is_finite())
     }

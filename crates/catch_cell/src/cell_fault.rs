@@ -1,4 +1,4 @@
-//! What a real cell can report instead of an observation.
+//! Failures that a real cell can report instead of an observation.
 
 use thiserror::Error;
 
@@ -10,21 +10,21 @@ pub enum CellFault {
     /// A device does not answer any more.
     #[error("lost connection to {device}: {cause}")]
     LostConnection {
-        /// Which device, such as "arm" or an address.
+        /// Name of the device, such as "arm", or its address.
         device: String,
-        /// What the connection reported.
+        /// Cause that the connection reported.
         cause: String,
     },
     /// The arm has stopped by itself, and waits for somebody to release it.
     #[error("protective stop of the arm: {cause}")]
     ProtectiveStop {
-        /// What its controller reported.
+        /// Cause that the arm's controller reported.
         cause: String,
     },
     /// The gripper has switched itself off, or does not do what it is asked to.
     #[error("fault of the gripper: {cause}")]
     GripperFault {
-        /// What the gripper reported.
+        /// Cause that the gripper reported.
         cause: String,
     },
 }

@@ -30,14 +30,14 @@ const MOST_KNOTS: usize = 1000;
 /// Settings of an [`Executor`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExecutorConfig {
-    /// Whether position, velocity and acceleration of a trajectory must equal those of the executing one at
+    /// True if position, velocity and acceleration of a trajectory must equal those of the executing one at
     /// its start.
     pub continuous_start: bool,
-    /// Whether they must be continuous along it, too.
+    /// True if position, velocity and acceleration must be continuous along the trajectory, too.
     pub continuous_inside: bool,
-    /// Whether it must end at rest. Beyond its end the last point is held either way.
+    /// True if a trajectory must end at rest. Beyond its end the last point is held either way.
     pub ends_at_rest: bool,
-    /// What is done about limits.
+    /// Treatment of trajectories that break a limit of the arm.
     pub limit_check: LimitCheck,
 }
 
@@ -47,14 +47,14 @@ impl Default for ExecutorConfig {
     }
 }
 
-/// What an [`Executor`] does about a trajectory that breaks a limit of the arm.
+/// Treatment by an [`Executor`] of a trajectory that breaks a limit of the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LimitCheck {
-    /// It is rejected.
+    /// The trajectory is rejected.
     Reject,
-    /// It is taken, and the caller is told which limits it breaks.
+    /// The trajectory is taken, and the caller gets the limits that it breaks.
     Report,
-    /// Nothing is checked.
+    /// Limits are not checked.
     Off,
 }
 
@@ -69,7 +69,7 @@ pub struct Executor {
     queue: Vec<(Option<TrajectoryId>, BSpline)>,
     /// The highest identifier that has arrived.
     last_id: Option<TrajectoryId>,
-    /// What has not been told yet.
+    /// Rejected trajectories that have not been reported yet.
     rejected: Vec<RejectedTrajectory>,
 }
 
@@ -91,7 +91,7 @@ impl Executor {
     /// Returns the limits that it breaks: none unless [`LimitCheck::Report`] is set.
     ///
     /// # Errors
-    /// Why it was rejected; the next [`arm_state`](Self::arm_state) tells the brain.
+    /// The reason for the rejection; the next [`arm_state`](Self::arm_state) reports it to the brain.
     pub fn receive(&mut self, trajectory: &ArmTrajectory, now_s: f64) -> Result<Vec<LimitViolation>, Rejection> {
         let ArmTrajectory { id, spline } = trajectory;
         let checked = self.check(*id, spline, now_s);
@@ -169,7 +169,7 @@ impl Executor {
         if size <= CONTINUITY { Ok(()) } else { Err(Rejection::Discontinuous { joint, time_s, size }) }
     }
 
-    /// What the arm should do at `time_s`.
+    /// Set-point of the arm at `time_s`.
     pub fn setpoint(&self, time_s: f64) -> Setpoint {
         self.queue[self.executing(time_s)].1.setpoint(time_s)
     }
@@ -179,14 +179,14 @@ impl Executor {
         self.queue.iter().rposition(|(_, spline)| spline.start_s() <= time_s + SAME_TIME_S).unwrap_or(0)
     }
 
-    /// What the arm should do at `time_s`, after which no earlier time is asked for: what has been replaced
-    /// by then is forgotten.
+    /// Set-point of the arm at `time_s`, after which no earlier time is asked for: trajectories that have
+    /// been replaced by then are forgotten.
     pub fn advance(&mut self, time_s: f64) -> Setpoint {
         self.queue.drain(..self.executing(time_s));
         self.setpoint(time_s)
     }
 
-    /// The state that the brain is told, with what was rejected since the last call: `q` and `dq` as the
+    /// State that is reported to the brain, with what was rejected since the last call: `q` and `dq` as the
     /// encoders have them at `time_s`.
     pub fn arm_state(&mut self, time_s: f64, q: JointVector, dq: JointVector) -> ArmState {
         let (executing, spline) = &self.queue[self.executing(time_s)];
@@ -195,7 +195,7 @@ impl Executor {
             time_s,
             q,
             dq,
-            // What holds the arm at the beginning stands still, whatever rounding makes of its derivatives.
+            // An arm that is held at the beginning stands still, whatever rounding makes of its derivatives.
             commanded: if executing.is_some() { commanded } else { Setpoint::at_rest(commanded.q) },
             executing: *executing,
             rejected: std::mem::take(&mut self.rejected),
@@ -225,7 +225,7 @@ pub(crate) mod tests {
         Executor::new(robot, q, config)
     }
 
-    /// From rest to rest with this change of the first joint's position, slow enough for all limits.
+    /// A motion from rest to rest with this change of the first joint's position, slow enough for all limits.
     fn motion(id: u64, start_s: f64, from: JointVector, by_rad: f64) -> ArmTrajectory {
         let steps = [0.0, 0.0, 0.0, 0.2, 0.5, 0.8, 1.0, 1.0, 1.0];
         let control_points: Vec<JointVector> =
@@ -257,7 +257,8 @@ pub(crate) mod tests {
         }
     }
 
-    /// All that is wrong, one after the other: each is told with its reason and the old trajectory goes on.
+    /// Every kind of wrong trajectory, one after the other, is rejected with its reason, and the old one goes
+    /// on.
     #[test]
     fn every_rejection_says_what_and_where() {
         let mut executor = executor(ExecutorConfig::default());

@@ -9,43 +9,44 @@ pub struct GripperState {
     /// Distance between the fingers' inner faces in metres.
     #[serde(deserialize_with = "quantity::drive_m")]
     pub width_m: f64,
-    /// Its rate of change in m/s, negative while closing.
+    /// Rate of change of the width in m/s, negative while closing.
     #[serde(deserialize_with = "quantity::drive_mps")]
     pub speed_mps: f64,
     /// Force of each finger in N, positive while squeezing.
     #[serde(deserialize_with = "quantity::drive_n")]
     pub force_n: f64,
-    /// What the drive makes of it.
+    /// State of the grasp according to the drive.
     pub grasp: GraspState,
 }
 
-/// What a gripper knows of its grasp, from its own fingers alone: the states of the Schunk WSG-50 (assembly
-/// and operating manual, 7.5.2) but for those of faults.
+/// State of a grasp as the gripper knows it from its own fingers alone: the states of the Schunk WSG-50
+/// (assembly and operating manual, 7.5.2) but for those of faults.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GraspState {
-    /// The fingers stand where they were told to.
+    /// The fingers stand where they were commanded to.
     #[default]
     Idle,
-    /// They open.
+    /// The fingers open.
     Positioning,
-    /// They close.
+    /// The fingers close.
     Grasping,
-    /// Something between them keeps them from closing, and they press with the force of the move.
+    /// The fingers are kept from closing by something between them, and press with the force of the move.
     Holding,
-    /// They closed as far as they were told to and met nothing.
+    /// The fingers closed as far as commanded and met nothing.
     NoPart,
-    /// They held something and then closed further.
+    /// The fingers held something and then closed further.
     PartLost,
 }
 
-/// One move of the fingers.
+/// A move of the fingers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GripperMove {
-    /// When it begins, in seconds on the cell's clock.
+    /// Time at which the move begins, in seconds on the cell's clock.
     #[serde(deserialize_with = "quantity::clock_s")]
     pub start_s: f64,
-    /// Where it ends: the distance between the inner faces in metres. A width below the object's squeezes it.
+    /// Width at which the move ends: the distance between the inner faces in metres. A width below the
+    /// object's squeezes it.
     #[serde(deserialize_with = "quantity::drive_m")]
     pub width_m: f64,
     /// Highest speed of the fingers relative to each other in m/s, twice that of one finger.

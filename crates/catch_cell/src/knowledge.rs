@@ -1,5 +1,5 @@
-//! What the owner of a cell knows beforehand: of the object, from a scale, a scan and tables; of a camera,
-//! from its data sheet.
+//! Prior knowledge of a cell's owner: of the object, from a scale, a scan and tables; of a camera, from its
+//! data sheet.
 //!
 //! Nothing here is true by construction. A simulated arena never reads it, and a wrong value costs catches as
 //! it would in a real cell.
@@ -32,7 +32,7 @@ pub struct ObjectFigures {
     /// Expected drag constant k of a = −k·|v|·v, in 1/m.
     #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_per_m: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the drag constant.
     #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_sd_per_m: f64,
     /// Mass in kg by a scale, if somebody has weighed it.
@@ -47,14 +47,14 @@ pub struct ObjectFigures {
     pub com_sd_m: f64,
 }
 
-/// Of an object whose density nobody has looked into: a claim of zero costs catches of all that are not
-/// uniform.
+/// Standard deviation for an object whose density nobody has looked into: a claim of zero costs catches of
+/// all objects that are not uniform.
 fn typical_com_sd_m() -> f64 {
     0.002
 }
 
 impl Default for ObjectFigures {
-    /// Of things that people throw, drag constants are from 0.01 to 0.1 1/m.
+    /// Drag constant of a typical object: those of things that people throw are from 0.01 to 0.1 1/m.
     fn default() -> Self {
         Self { drag_per_m: 0.04, drag_sd_per_m: 0.02, mass_kg: None, restitution: None, com_sd_m: typical_com_sd_m() }
     }
@@ -85,7 +85,7 @@ impl ObjectFigures {
     }
 }
 
-/// What a depth camera's data sheet says of its errors, and what its owner has seen of them.
+/// Errors of a depth camera according to its data sheet, and as its owner has observed them.
 ///
 /// The standard deviation of a depth z is c + (q + s/(f·b))·z², with the focal length f in pixels.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -106,9 +106,9 @@ pub struct DataSheet {
     /// Fraction of the variance that all pixels of one image have in common.
     #[serde(deserialize_with = "quantity::fraction")]
     pub common_fraction: f64,
-    /// Whether pixels may be missing where there is something.
+    /// True if pixels may be missing where there is something.
     pub dropout: bool,
-    /// How many pixels beside a depth edge may show something else than what is there.
+    /// Number of pixels beside a depth edge that may show something else than what is there.
     #[serde(deserialize_with = "quantity::edge_px")]
     pub edge_px: u32,
     /// Depths that can be measured, from and to, in metres. None: all.

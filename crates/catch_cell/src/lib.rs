@@ -52,7 +52,7 @@ pub use spline::{BSpline, Setpoint};
 use catch_body::quantity;
 use serde::{Deserialize, Serialize};
 
-/// What the cell senses at one instant.
+/// Measurements of the cell's sensors at one instant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Observation {
     /// Time of the observation on the cell's clock, in seconds.
@@ -67,7 +67,7 @@ pub struct Observation {
     pub frames: Vec<DepthFrame>,
 }
 
-/// What the brain wants.
+/// Command of the brain to the arm, the gripper and the cameras.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Command {
     /// Replaces the executing trajectory from its start on; `None` changes nothing.
@@ -81,30 +81,30 @@ pub struct Command {
 
 /// A place where things are caught: a simulation or real hardware.
 pub trait Cell {
-    /// What can go wrong: [`CellFault`] for real hardware, [`Infallible`](std::convert::Infallible) for what
-    /// cannot fail.
+    /// Failure of the cell: [`CellFault`] for real hardware, [`Infallible`](std::convert::Infallible) for a
+    /// cell that cannot fail.
     type Error;
 
-    /// Waits for the next sensor tick and tells what was sensed.
+    /// Waits for the next sensor tick and returns what was sensed.
     ///
     /// # Errors
     /// If a device cannot be reached or has stopped.
     fn sense(&mut self) -> Result<Observation, Self::Error>;
 
-    /// Passes a command on to arm, gripper and cameras. What becomes of its trajectory is told in the next
-    /// observations.
+    /// Passes a command on to arm, gripper and cameras. The next observations report what becomes of its
+    /// trajectory.
     ///
     /// # Errors
     /// If a device cannot be reached or has stopped.
     fn act(&mut self, command: &Command) -> Result<(), Self::Error>;
 }
 
-/// Something that decides what to do about what was sensed.
+/// Controller that decides what to do about what was sensed.
 pub trait Brain {
-    /// One decision. It cannot fail: what is missing leads to a command that is empty or brings the arm to
-    /// rest.
+    /// Makes one decision. It cannot fail: what is missing leads to a command that is empty or brings the arm
+    /// to rest.
     ///
-    /// `probe` is told of every stage as it ends; it is how times are taken without the brain reading a
+    /// `probe` is notified of every stage as it ends; it is how times are taken without the brain reading a
     /// clock.
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command;
 
@@ -112,7 +112,7 @@ pub trait Brain {
     fn reset(&mut self);
 }
 
-/// Is told when a stage of the brain ends.
+/// Observer that is notified when a stage of the brain ends.
 pub trait Probe {
     /// Called at the end of the stage called `stage`.
     fn stage_ended(&mut self, stage: &'static str);

@@ -8,7 +8,7 @@ use crate::{CameraModel, DepthFrame, ReferenceScan};
 /// Exact depth images of `object` standing still at the origin of R, its frame O aligned with R, from the
 /// cameras of `rig`, whose poses are in R. Each frame is a window around the object, masked.
 ///
-/// It stands for the images of a real scanner wherever the object's surface is known as a mesh.
+/// The scan stands for the images of a real scanner wherever the object's surface is known as a mesh.
 pub fn reference_scan(object: &TriangleMesh, rig: &[CameraModel]) -> ReferenceScan {
     let caster = RayCaster::new(object);
     let frames = rig.iter().enumerate().map(|(index, camera)| image(index, camera, &caster));

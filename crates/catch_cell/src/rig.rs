@@ -22,7 +22,7 @@ struct RigFile {
     cameras: Vec<CameraFields>,
 }
 
-/// One camera for each pair of an azimuth and an elevation, all looking at the same point.
+/// Cameras on a sphere, one for each pair of an azimuth and an elevation, all looking at the same point.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct UvSphereFields {
@@ -54,19 +54,20 @@ struct UvSphereFields {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CameraFields {
-    /// Where it stands.
+    /// Position of the camera.
     #[serde(deserialize_with = "quantity::place_m")]
     position_m: [f64; 3],
-    /// What it looks at, level; or:
+    /// Point that the camera looks at, level; or:
     #[serde(default, deserialize_with = "quantity::place_m")]
     look_at_m: Option<[f64; 3]>,
-    /// Its rotation as a unit quaternion x, y, z, w; the camera looks along its z, and its y points down.
+    /// Rotation of the camera as a unit quaternion x, y, z, w; the camera looks along its z, and its y points
+    /// down.
     #[serde(default, deserialize_with = "quantity::quaternion")]
     rotation_xyzw: Option<[f64; 4]>,
-    /// Width of its images.
+    /// Width of the camera's images.
     #[serde(deserialize_with = "quantity::image_px")]
     width_px: u32,
-    /// Height of its images.
+    /// Height of the camera's images.
     #[serde(deserialize_with = "quantity::image_px")]
     height_px: u32,
     /// Field of view from top to bottom; or:
@@ -81,7 +82,7 @@ struct CameraFields {
     /// Images per second.
     #[serde(default, deserialize_with = "quantity::rate_hz")]
     rate_hz: Option<f64>,
-    /// How well this is known, where it was calibrated.
+    /// Uncertainty of the camera's parameters, where it was calibrated.
     calibration: Option<RigCalibration>,
 }
 
@@ -96,7 +97,7 @@ pub fn rig_from_toml(file: &str, text: &str) -> Result<Vec<CameraModel>, InputEr
     calibrated_rig_from_toml(file, text).map(|cameras| cameras.into_iter().map(|(camera, _)| camera).collect())
 }
 
-/// The same, with how well each camera is known where it was calibrated.
+/// Reads the cameras of a rig file, each with its calibration where it has one.
 ///
 /// # Errors
 /// As [`rig_from_toml`].

@@ -1,4 +1,4 @@
-//! What a calibration adds to a rig file, and rig files as it writes them.
+//! Calibrations in rig files: the table that one adds, and rig files as a calibration writes them.
 
 use std::fmt::Write;
 
@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use crate::CameraModel;
 
-/// How well a camera is known, after a calibration.
+/// Uncertainty of a camera's parameters after a calibration.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RigCalibration {
@@ -16,19 +16,19 @@ pub struct RigCalibration {
     /// translations along them.
     #[serde(deserialize_with = "quantity::pose_covariance")]
     pub covariance: Vec<f64>,
-    /// Measured depths are true ones times 1 + this.
+    /// Relative error of depths: measured depths are true ones times 1 + this.
     #[serde(deserialize_with = "quantity::scale_error")]
     pub depth_scale: f64,
-    /// What is to be added to the time stamps of the camera's images.
+    /// Offset to be added to the time stamps of the camera's images.
     #[serde(deserialize_with = "quantity::time_offset_s")]
     pub time_offset_s: f64,
-    /// Its standard deviation; none where no motion was seen.
+    /// Standard deviation of the time offset; none where no motion was seen.
     #[serde(default, deserialize_with = "quantity::time_sd_s")]
     pub time_offset_sd_s: Option<f64>,
     /// Standard deviation of 1/z of a pixel around the model of the arm.
     #[serde(deserialize_with = "quantity::inverse_depth_per_m")]
     pub inverse_depth_sd_per_m: f64,
-    /// Standard deviation of a silhouette around it.
+    /// Standard deviation of a silhouette around the model of the arm.
     #[serde(deserialize_with = "quantity::error_px")]
     pub silhouette_sd_px: f64,
     /// Poses of the arm that the camera saw.
@@ -41,7 +41,8 @@ impl RigCalibration {
         Matrix6::from_fn(|row, column| self.covariance.get(row * 6 + column).copied().unwrap_or(0.0))
     }
 
-    /// Whether the covariance is one; `file` and `table` name the place in errors.
+    /// Checks that the covariance is symmetric and positive definite; `file` and `table` name the place in
+    /// errors.
     ///
     /// # Errors
     /// If it is not.

@@ -37,11 +37,11 @@ pub fn run<C: Cell, B: Brain + ?Sized, T>(
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("the cell failed to {call} after {ticks} ticks: {error}")]
 pub struct RunError<E> {
-    /// Which call failed.
+    /// Call that failed.
     pub call: Call,
     /// Commands that had been passed on before.
     pub ticks: u64,
-    /// What the cell reported.
+    /// Error that the cell reported.
     pub error: E,
 }
 

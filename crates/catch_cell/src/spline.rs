@@ -26,7 +26,7 @@ impl Setpoint {
         Self { q, dq: JointVector::zeros(), ddq: JointVector::zeros() }
     }
 
-    /// Per joint, the largest difference of positions, velocities or accelerations.
+    /// Distance per joint: the largest difference of positions, velocities or accelerations.
     pub fn distance(&self, other: &Self) -> JointVector {
         (self.q - other.q).abs().sup(&(self.dq - other.dq).abs()).sup(&(self.ddq - other.ddq).abs())
     }
@@ -34,7 +34,7 @@ impl Setpoint {
 
 /// A clamped cubic B-spline q(t) (de Boor, A Practical Guide to Splines, ch. IX).
 ///
-/// Its knots are non-decreasing, the first and the last repeated four times, four more than there are control
+/// The knots are non-decreasing, the first and the last repeated four times, four more than there are control
 /// points. A knot that is repeated three times inside joins two splines.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BSpline {
@@ -70,8 +70,8 @@ impl BSpline {
         Self { knots_s, control_points: vec![q; 4] }
     }
 
-    /// As a motion that ends at rest: the first point before the start, the last, standing still, after the
-    /// end.
+    /// Set-point of the spline as a motion that ends at rest: the first point before the start; the last one,
+    /// standing still, after the end.
     pub fn setpoint(&self, time_s: f64) -> Setpoint {
         if time_s >= self.end_s() {
             return Setpoint::at_rest(self.control_points.last().copied().unwrap_or_default());
@@ -86,7 +86,8 @@ impl BSpline {
         self.knots_s.windows(2).map(|pair| [pair[0], pair[1].next_down()]).filter(|[start_s, end_s]| start_s < end_s)
     }
 
-    /// Whether it is clamped, knots and control points fit together, and every number is finite.
+    /// Returns whether the spline is clamped, its knots and control points fit together, and every number is
+    /// finite.
     pub fn is_valid(&self) -> bool {
         let counts = self.control_points.len() > DEGREE && self.knots_s.len() == self.control_points.len() + DEGREE + 1;
         let clamped = |knots_s: &[f64]| knots_s.windows(2).all(|pair| pair[0] == pair[1]);
@@ -98,7 +99,7 @@ impl BSpline {
             && self.control_points.iter().flat_map(|point| point.iter()).all(|value| value.is_finite())
     }
 
-    /// This spline followed by one that begins where it ends, in time and position.
+    /// Appends a spline that begins where this one ends, in time and position.
     pub fn followed_by(mut self, next: &Self) -> Self {
         self.knots_s.pop();
         self.knots_s.extend_from_slice(&next.knots_s[DEGREE + 1..]);

@@ -6,15 +6,15 @@ use catch_body::{TriangleMesh, shape::Capsule};
 
 /// Directions in which the outermost points are looked for; all others count only in the last step.
 const DIRECTIONS: usize = 400;
-/// The same where two partitions are compared.
+/// Directions in which the outermost points are looked for where two partitions are compared.
 const FEW_DIRECTIONS: usize = 50;
 /// Capsules for one surface at most.
 pub const MOST_CAPSULES: usize = 4;
-/// One more capsule has to save this fraction of the volume.
+/// Least fraction of the volume that one more capsule has to save.
 const LEAST_SAVING: f64 = 0.12;
-/// Where a surface is cut in two, as fractions of its extent.
+/// Places where a surface is cut in two, as fractions of its extent.
 const CUTS: [f64; 7] = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
-/// Added to every radius, so that rounding leaves nothing outside.
+/// Margin in metres that is added to every radius, so that rounding leaves nothing outside.
 const MARGIN_M: f64 = 1e-6;
 
 /// Capsules that hold a surface between them, at most [`MOST_CAPSULES`]: each triangle is inside one of them.
@@ -46,7 +46,7 @@ pub fn enclosing_capsules(surface: &TriangleMesh) -> Vec<Capsule> {
 
 /// A small capsule that holds all points, `None` without any.
 ///
-/// Its axis is the best of the coordinate axes, the principal axes and directions that a pattern search finds
+/// The axis is the best of the coordinate axes, the principal axes and directions that a pattern search finds
 /// from the best of these; for an axis the circle around the points across it and the hemispheres at both
 /// ends follow.
 pub fn enclosing_capsule(points: &[Point3<f64>]) -> Option<Capsule> {

@@ -26,14 +26,14 @@ use catch_lab::{
     study::Study,
 };
 
-/// What a check found.
+/// Result of a check.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Checked {
-    /// What the file describes, if that can be told.
+    /// Kind of what the file describes, if that can be determined.
     pub kind: Option<Kind>,
     /// All faults found.
     pub faults: Vec<InputError>,
-    /// What somebody who wrote the file may want to know of it, a line each.
+    /// Notes for whoever wrote the file, a line each.
     pub notes: Vec<String>,
 }
 
@@ -124,7 +124,7 @@ fn robot_of(asset: &Asset) -> Result<Robot, InputError> {
     Robot::from_files(&files)
 }
 
-/// Where a robot holds its gripper, what is assumed of it, and what its URDF says that nothing reads.
+/// Notes on a robot: mounts of grippers, assumptions, and elements of its URDF that are ignored.
 fn notes_of_robot(asset: &Asset) -> Vec<String> {
     let mut notes: Vec<String> = robot_of(asset).iter().flat_map(notes_of_mounts).collect();
     notes.extend(notes_of_assumptions(asset));
@@ -135,7 +135,7 @@ fn notes_of_robot(asset: &Asset) -> Vec<String> {
     notes
 }
 
-/// Where grippers are mounted, and where their fingers close.
+/// Notes on the mounts of grippers, and on where their fingers close.
 fn notes_of_mounts(robot: &Robot) -> Vec<String> {
     let link = robot.joints.last().map_or("", |it| it.link_name.as_str());
     let numbers = |v: Vector3<f64>| {
@@ -172,7 +172,7 @@ fn notes_of_name(asset: &Asset, table: &toml::Table) -> Vec<String> {
     name.map(note).into_iter().collect()
 }
 
-/// As what an object collides; nothing for one that cannot be read.
+/// Notes on the shape with which an object collides; none for an object that cannot be read.
 fn notes_of_object(asset: &Asset) -> Vec<String> {
     let Ok(object) = asset.thrown_object() else { return Vec::new() };
     let parts = match object.parts.len() {
@@ -243,7 +243,7 @@ fn faults_of_scenario(asset: &Asset) -> Vec<InputError> {
     faults
 }
 
-/// Whether the object of a setup can be held.
+/// Checks that the object of a setup can be held.
 fn held(asset: &Asset, setup: Result<Setup, InputError>) -> Vec<InputError> {
     let held = setup.map(|setup| {
         setup.without_grasps().map(|widths| InputError::new(&asset.file, "object", widths, "one that can be held"))

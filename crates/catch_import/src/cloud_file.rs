@@ -16,7 +16,7 @@ pub struct CloudFile {
     /// Places in metres; those that are not finite, as sensors write them for what they did not see, are left
     /// out.
     pub points: Vec<Point3<f64>>,
-    /// One normal per point.
+    /// Normals, one per point.
     pub normals: Option<Vec<Vector3<f64>>>,
 }
 
@@ -108,7 +108,7 @@ impl CloudFile {
         Ok(())
     }
 
-    /// Without normals if none of them has a direction, else without the points of those that have none.
+    /// Drops the normals if none of them has a direction, else the points of those that have none.
     fn with_directions(mut self) -> Self {
         let Some(normals) = self.normals.take() else { return self };
         let has_one: Vec<bool> = normals.iter().map(|it| *it != Vector3::zeros()).collect();
@@ -124,7 +124,7 @@ impl CloudFile {
     }
 }
 
-/// How a column's numbers are written in binary.
+/// Type of a column's numbers in binary.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum NumberKind {
     Float,
@@ -132,7 +132,7 @@ enum NumberKind {
     Unsigned,
 }
 
-/// One column of a table of points.
+/// A column of a table of points.
 #[derive(Debug, Clone)]
 struct Column {
     name: String,
@@ -166,7 +166,7 @@ struct Table<'a> {
     file: &'a str,
     columns: Vec<Column>,
     rows: usize,
-    /// Whether more may follow the rows: other elements than points.
+    /// True if more may follow the rows: other elements than points.
     more_follows: bool,
     /// Line of the file at which the body begins, counted from one.
     first_line: usize,
@@ -239,7 +239,7 @@ impl Table<'_> {
         }
     }
 
-    /// The same of numbers in binary.
+    /// Reads rows of numbers in binary.
     fn read_binary(&self, big_endian: bool, add: &mut AddRow<'_>) -> Result<(), InputError> {
         let mut values = vec![0.0; self.columns.len()];
         let stride: usize = self.columns.iter().map(|column| column.bytes).sum();

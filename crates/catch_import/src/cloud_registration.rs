@@ -17,7 +17,7 @@ use super::{
 };
 use catch_lab::assets::{Asset, Kind, Origin};
 
-/// How far a registration got.
+/// Outcome of a registration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RegistrationStatus {
@@ -27,15 +27,15 @@ pub enum RegistrationStatus {
     Degenerate,
     /// The best pose leaves the points farther from the surface than their stated noise explains.
     Implausible,
-    /// What was missing.
+    /// No pose was found; the perception's status states what was missing.
     #[serde(untagged)]
     Unregistered(PerceptionStatus),
 }
 
-/// Where the reference lies in a cloud.
+/// Pose of the reference in a cloud.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Registration {
-    /// How far it got.
+    /// Outcome of the registration.
     pub status: RegistrationStatus,
     /// Takes points of the reference into the cloud's frame.
     pub X_CR: Option<Pose>,
@@ -43,8 +43,8 @@ pub struct Registration {
     pub information: Option<Matrix6<f64>>,
     /// Distance of the points from the reference's surface, in metres.
     pub residual_m: Option<f64>,
-    /// Under what the reference looks the same: `none`, `half_turn`, `finite` (another finite group), `axis`
-    /// or `sphere`.
+    /// Rotations under which the reference looks the same: `none`, `half_turn`, `finite` (another finite
+    /// group), `axis` or `sphere`.
     pub symmetry: &'static str,
 }
 
@@ -150,8 +150,8 @@ fn scene<'a>(points: impl Iterator<Item = &'a Point3<f64>>) -> SceneCloud {
     scene
 }
 
-/// How far a reference's own points are from its surface, which is smooth and on a grid: what even a cloud
-/// without noise leaves.
+/// Root mean square distance of a reference's own points from its surface, in metres. The surface is smooth
+/// and on a grid, so even a cloud without noise leaves this residual.
 fn model_sd_m(reference: &ReferenceModel) -> f64 {
     let step = reference.scanned.len().div_ceil(MOST_COMPARED).max(1);
     let (mut squares_m2, mut count) = (0.0, 0.0);

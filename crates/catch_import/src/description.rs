@@ -25,15 +25,15 @@ pub use chain::{Body, Chain, ChainJoint, Fingers, Selection};
 
 /// Sides of the polygons that stand for circles.
 const SIDES: u32 = 32;
-/// How often the triangles of an ellipsoid are divided in four, and how much larger they stand so that the
-/// ellipsoid is within.
+/// Number of times that the triangles of an ellipsoid are divided in four, and the factor by which they are
+/// enlarged so that the ellipsoid is within.
 const BALL_DIVISIONS: u32 = 4;
 const BALL_WIDER: f64 = 1.001;
 
 /// A tree of links and joints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Description {
-    /// What errors call the file.
+    /// Name of the file in errors.
     pub file: String,
     /// The robot's name.
     pub name: String,
@@ -50,7 +50,7 @@ pub struct Description {
 pub struct Link {
     /// Mass properties in the link's frame; `None` without mass.
     pub inertia: Option<Inertia>,
-    /// Coulomb friction coefficient of its surface, if the file says one.
+    /// Coulomb friction coefficient of the link's surface, if the file says one.
     pub friction: Option<f64>,
     /// The shape for collisions.
     pub collisions: Vec<Geometry>,
@@ -102,11 +102,11 @@ pub enum Shape {
 /// A joint of a tree.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TreeJoint {
-    /// Its name.
+    /// Name of the joint.
     pub name: String,
-    /// How it moves.
+    /// Kind of the joint's motion.
     pub kind: JointKind,
-    /// The link that it moves.
+    /// The link that the joint moves.
     pub child: String,
     /// Pose of that link's frame L in the parent's frame P while the joint is at zero.
     pub X_PL: Pose,
@@ -126,21 +126,21 @@ pub struct TreeJoint {
     pub damping: f64,
     /// Rotor inertia, reflected to the joint, in kg·m².
     pub rotor_inertia: Option<f64>,
-    /// What drives it, if it does not move on its own: the name of another joint, or of a body with which it
+    /// Driver of a joint that does not move on its own: the name of another joint, or of a body with which it
     /// is part of a loop.
     pub mimics: Option<String>,
 }
 
-/// How a joint moves.
+/// Kind of a joint's motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JointKind {
-    /// Not at all.
+    /// No motion.
     Fixed,
-    /// About its axis, between two ends or without any.
+    /// Rotation about the axis, between two ends or without any.
     Revolute,
-    /// Along its axis.
+    /// Translation along the axis.
     Prismatic,
-    /// In several directions.
+    /// Motion in several directions.
     Other,
 }
 

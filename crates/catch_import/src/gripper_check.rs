@@ -1,4 +1,4 @@
-//! Which margin decides what a gripper can catch.
+//! Notes on the margins that decide what a gripper can catch.
 
 use catch_body::{DriveControl, Gripper};
 use catch_bot::grasp_selection;
@@ -11,7 +11,7 @@ use catch_lab::{
 /// The scenario whose margins count: that of real grippers.
 const SCENARIO: &str = "honest";
 
-/// How wide objects may be, and how fast, with the margins of the scenario for real grippers; a line each.
+/// Greatest widths and speeds of objects, with the margins of the scenario for real grippers; a line each.
 pub(super) fn notes(gripper: &Gripper) -> Vec<String> {
     let margins = Asset::built_in(Kind::Scenario, SCENARIO).and_then(|it| Scenario::of_asset(&it));
     margins.map(|it| notes_of_margins(gripper, &it.brain.grasp_selection)).unwrap_or_default()

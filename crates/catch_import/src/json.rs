@@ -11,7 +11,7 @@ use serde_json::Value;
 /// # Errors
 /// If it is no JSON, or has too many parts.
 pub fn document(file: &str, bytes: &[u8]) -> Result<Document, InputError> {
-    // What separates values, so that their number is bounded before memory is taken for them.
+    // Separators of values are counted, so that their number is bounded before memory is taken for them.
     if bytes.iter().filter(|it| matches!(it, b',' | b'[' | b'{')).count() > MOST_PARTS {
         return Err(InputError::new(file, "content", "more values", format!("at most {MOST_PARTS}")));
     }

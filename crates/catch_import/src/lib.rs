@@ -1,4 +1,4 @@
-//! What users bring along: files of their own to start from, their checks, and data of other systems.
+//! Users' own data: files to start from, their checks, and data of other systems.
 //!
 //! The only crate that reads descriptions of others, COLLADA, PLY and glTF, and that repairs surfaces: who
 //! has an arm and an object in files of this project needs none of it.

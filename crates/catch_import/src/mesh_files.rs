@@ -19,7 +19,7 @@ impl<F: Fn(&str) -> Result<Vec<TriangleMesh>, InputError>> MeshFiles<F> {
     /// The groups of a mesh.
     ///
     /// # Errors
-    /// What is wrong with the file.
+    /// A fault of the file.
     pub fn get(&mut self, named: &str) -> Result<Rc<Vec<TriangleMesh>>, InputError> {
         let known = self.known.entry(named.to_owned());
         known.or_insert_with(|| (self.read)(named).map(Rc::new)).clone()

@@ -14,7 +14,7 @@ use catch_body::TriangleMesh;
 use edges::{Edges, Side};
 use shells::{crossing, drop_specks, face_outwards};
 
-/// How far a repair may go.
+/// Limits of a repair.
 #[derive(Debug, Clone, Copy)]
 pub struct RepairLimits {
     /// The widest hole that is filled, in metres.
@@ -24,27 +24,27 @@ pub struct RepairLimits {
 /// The closed surface of a solid, and what was done to get it.
 #[derive(Debug, Clone)]
 pub struct Repaired {
-    /// Closed, its triangles facing outwards.
+    /// Closed surface, its triangles facing outwards.
     pub mesh: TriangleMesh,
-    /// One entry for each kind of repair, in the order in which they were made.
+    /// Repairs, one entry for each kind, in the order in which they were made.
     pub repairs: Vec<Repair>,
 }
 
-/// Something that was done to a surface.
+/// A kind of repair of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Repair {
     /// Vertices that lie this close to each other became one.
     Welded {
         /// The distance in metres.
         tolerance_m: f64,
-        /// How many vertices went away.
+        /// Number of vertices that went away.
         vertices: usize,
     },
     /// Triangles without three corners, or there twice, were left out.
     Dropped(usize),
-    /// Triangles were turned so that neighbours face the same way.
+    /// Triangles were flipped so that neighbours face the same way.
     Turned(usize),
-    /// Shells that were inside out were turned.
+    /// Shells that were inside out were flipped.
     ShellsTurned(usize),
     /// Shells inside another one, or specks beside the solid, were left out.
     ShellsDropped(usize),
@@ -52,7 +52,7 @@ pub enum Repair {
     ShellsCross(usize),
     /// Holes were filled.
     Filled {
-        /// How many.
+        /// Number of holes.
         holes: usize,
         /// Width of the widest in metres.
         widest_m: f64,
@@ -80,28 +80,28 @@ impl fmt::Display for Repair {
     }
 }
 
-/// Why a surface encloses no solid.
+/// Reason why a surface encloses no solid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Defect {
-    /// It has no triangle.
+    /// The surface has no triangle.
     Empty,
     /// A hole that is too wide to be filled.
     Hole {
-        /// Middle of its rim.
+        /// Middle of the hole's rim.
         centre: Point3<f64>,
-        /// Its width in metres.
+        /// Width of the hole in metres.
         width_m: f64,
-        /// How many holes there are of this kind.
+        /// Number of holes of this kind.
         count: usize,
     },
     /// An edge at which sides differ in number.
     Edge {
-        /// Its middle.
+        /// Middle of the edge.
         at: Point3<f64>,
-        /// How many edges there are of this kind.
+        /// Number of edges of this kind.
         count: usize,
     },
-    /// It encloses no volume.
+    /// The surface encloses no volume.
     Flat,
 }
 
@@ -132,7 +132,7 @@ const LEAST_FILLING: f64 = 1e-6;
 /// Repairs a surface.
 ///
 /// # Errors
-/// What cannot be repaired, located.
+/// The defect that cannot be repaired, located.
 pub fn repaired(soup: &TriangleMesh, limits: &RepairLimits) -> Result<Repaired, Defect> {
     let size_m = soup.aabb().size.max();
     let mut best: Option<(usize, Welded)> = None;
@@ -211,8 +211,7 @@ impl Welded {
     }
 }
 
-/// For each point the number of its place, and the places: points within `tolerance_m` of an earlier place
-/// are there.
+/// Index of each point's place, and the places: points within `tolerance_m` of an earlier place are there.
 fn places(points: &[Point3<f64>], tolerance_m: f64) -> (Vec<u32>, Vec<Point3<f64>>) {
     // Along a direction that is no edge of anything few points lie side by side.
     let along = Vector3::new(0.374_1, 0.541_3, 0.752_9);
@@ -292,8 +291,8 @@ fn unbalanced(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
     Edges::of(triangles).groups().filter(is_unbalanced).map(|it| (it[0].0, it[0].1)).collect()
 }
 
-/// Turns triangles so that neighbours face the same way; for each the number of its shell, and how many were
-/// turned.
+/// Flips triangles so that neighbours face the same way. Returns the number of each one's shell, and how many
+/// were flipped.
 ///
 /// Neighbours share an edge that no third triangle has. Of each shell the smaller part is turned.
 fn orient(triangles: &mut [[u32; 3]]) -> (Vec<u32>, usize) {
@@ -351,7 +350,7 @@ mod tests {
         TriangleMesh::cuboid(&Cuboid { centre: Point3::origin(), size: Vector3::repeat(size_m) })
     }
 
-    /// Each triangle with corners of its own, moved by up to `noise_m`.
+    /// A soup of triangles, each with corners of its own, moved by up to `noise_m`.
     fn soup(mesh: &TriangleMesh, noise_m: f64) -> TriangleMesh {
         let mut soup = TriangleMesh::default();
         for (i, corners) in mesh.all_corners().enumerate() {

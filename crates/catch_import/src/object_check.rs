@@ -1,4 +1,5 @@
-//! What the brain would make of an object: its reference model, and how many grasps each scenario leaves.
+//! Examination of an object as the brain would see it: its reference model, and the number of grasps that
+//! each scenario leaves.
 
 use catch_bot::{
     grasp_selection::GraspSet,
@@ -12,12 +13,12 @@ use catch_lab::{
     scenario::setup::{Choice, DEFAULT_SCENARIO, Setup},
 };
 
-/// What was found.
+/// Result of an examination.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Examined {
     /// A line each.
     pub notes: Vec<String>,
-    /// Why no scenario has a grasp, if none has.
+    /// Reason why no scenario has a grasp, if none has.
     pub not_held: Option<String>,
 }
 
@@ -60,7 +61,7 @@ pub(super) fn examine(asset: &Asset) -> Examined {
     examined
 }
 
-/// Whether two scans are the same, bit for bit; what was not measured is equal to nothing.
+/// Returns whether two scans are the same, bit for bit; what was not measured is equal to nothing.
 fn is_same(one: &ReferenceScan, other: &ReferenceScan) -> bool {
     let bits = |scan: &ReferenceScan| -> Vec<u32> {
         scan.frames.iter().flat_map(|it| &it.depth_m).map(|depth| depth.to_bits()).collect()
@@ -68,7 +69,7 @@ fn is_same(one: &ReferenceScan, other: &ReferenceScan) -> bool {
     one.cameras == other.cameras && bits(one) == bits(other)
 }
 
-/// What the model is like, and how it differs from the object.
+/// Notes on the model, and on how it differs from the object.
 fn notes_of_model(object: &ThrownObject, reference: &ReferenceModel) -> Vec<String> {
     let uniform = object.mesh.mass_properties(object.mass_kg).com;
     let centre = reference.X_RO.translation.vector;

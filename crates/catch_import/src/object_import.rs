@@ -25,7 +25,7 @@ use catch_recording::whole_file::COMMAND_LINE;
 use draft::Draft;
 use source::Source;
 
-/// What is asked for when an object is imported.
+/// Options of an object's import.
 #[derive(Debug, Clone, Default)]
 pub struct ImportOptions {
     /// The link of a description with several.
@@ -43,13 +43,14 @@ pub struct ImportOptions {
 pub struct ImportedObject {
     /// The object as its files describe it.
     pub object: ThrownObject,
-    /// The content of its `truth.toml`.
+    /// The content of the object's `truth.toml`.
     pub truth: String,
-    /// The content of its `known.toml`.
+    /// The content of the object's `known.toml`.
     pub known: String,
-    /// Files beside it, by their names.
+    /// Files beside the object's, by their names.
     pub beside: Vec<(String, Vec<u8>)>,
-    /// Where the shape is from, its unit, each repair, and what of a description was not believed.
+    /// Findings of the import: the source of the shape, its unit, each repair, and what of a description was
+    /// not believed.
     pub findings: Vec<String>,
 }
 
@@ -67,8 +68,7 @@ impl ImportedObject {
     /// Reads what `path` names, a file or a folder, for an object file of the name `stem`.
     ///
     /// # Errors
-    /// What is wrong with the files or the options; defects of the surface that cannot be repaired, with
-    /// their places.
+    /// Faults of the files or the options; defects of the surface that cannot be repaired, with their places.
     pub fn read(path: &Path, stem: &str, options: &ImportOptions) -> Result<Self, InputError> {
         if let Some(scale) = options.scale {
             quantity::SCALE.check(COMMAND_LINE, "--scale", scale)?;

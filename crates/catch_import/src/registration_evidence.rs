@@ -1,4 +1,4 @@
-//! What a registered pose is worth: whether its residuals are those of the stated noise, and whether no other
+//! Evidence for a registered pose: whether its residuals are those of the stated noise, and whether no other
 //! pose explains the cloud as well.
 //!
 //! A patch of a flat face slides in its plane, one of a can along its axis: the residuals stay the same,
@@ -32,7 +32,8 @@ const MOST_SD: f64 = 0.5;
 /// the same.
 pub(super) const SAME_RADII: f64 = 0.1;
 const SAME_SD: f64 = 5.0;
-/// How far aside poses are tried, in radii, in the directions that the cloud tells least about.
+/// Distances aside at which poses are tried, in radii, in the directions of which the cloud gives least
+/// information.
 const ASIDE_RADII: [f64; 4] = [0.1, 0.2, 0.5, 1.0];
 const WEAK_DIRECTIONS: usize = 3;
 
@@ -53,14 +54,14 @@ impl<'a> Evidence<'a> {
         points.iter().map(square).sum::<f64>() / points.len().max(1) as f64
     }
 
-    /// Whether noise of the standard deviation `noise_m` explains how far the points are off; zero is none
-    /// stated.
+    /// Returns whether noise of the standard deviation `noise_m` explains how far the points are off; zero is
+    /// none stated.
     pub fn is_explained(&self, noise_m: f64) -> bool {
         noise_m == 0.0 || self.fit.residual_m <= EXPLAINED * self.registration.model_sd_m
     }
 
-    /// Whether the pose is the only one: `hypotheses` at which other registrations ended are worse, and so is
-    /// all that lies aside.
+    /// Returns whether the pose is the only one: `hypotheses` at which other registrations ended are worse,
+    /// and so are all poses that lie aside.
     pub fn is_unique(&mut self, hypotheses: &[Fit]) -> bool {
         !self.is_open() && !hypotheses.iter().any(|it| self.is_another(&it.X_WO)) && !self.slides()
     }
@@ -87,14 +88,14 @@ impl<'a> Evidence<'a> {
         Matrix6::from_diagonal(&Vector6::new(turn, turn, turn, 1.0, 1.0, 1.0))
     }
 
-    /// Whether the normal equations themselves leave a direction open.
+    /// Returns whether the normal equations themselves leave a direction open.
     fn is_open(&self) -> bool {
         let (least, _) = self.directions()[0];
         1.0 / least.max(0.0).sqrt() > MOST_SD * self.registration.reference.radius_m
     }
 
-    /// Whether the object may be moved along a direction of which little is known, by itself or with what
-    /// then fits best.
+    /// Returns whether the object may be moved along a direction of which little is known, by itself or with
+    /// what then fits best.
     fn slides(&mut self) -> bool {
         let radius_m = self.registration.reference.radius_m;
         let steps = ASIDE_RADII.into_iter().flat_map(|it| [it, -it]).map(|it| it * radius_m);
@@ -111,7 +112,8 @@ impl<'a> Evidence<'a> {
         })
     }
 
-    /// Whether a pose is a different one, no symmetry of the object, that explains the points as well.
+    /// Returns whether a pose is a different one, no symmetry of the object, that explains the points as
+    /// well.
     fn is_another(&self, X_WO: &Pose) -> bool {
         let reference = self.registration.reference;
         let worse = f64::max(WORSE, MOST_SQUARE / self.scene.points.len() as f64);
@@ -132,7 +134,7 @@ fn between(reference: &ReferenceModel, X_WA: &Pose, X_WB: &Pose) -> Vector6<f64>
     Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z)
 }
 
-/// How far the looks of the object at two poses are from each other, rotations taken at its radius.
+/// Distance between the looks of the object at two poses, rotations taken at its radius.
 pub(super) fn away_m(reference: &ReferenceModel, X_WA: &Pose, X_WB: &Pose) -> f64 {
     let step = between(reference, X_WA, X_WB);
     libm::hypot(step.fixed_rows::<3>(3).norm(), step.fixed_rows::<3>(0).norm() * reference.radius_m)

@@ -43,7 +43,7 @@ const LIMITS_FILE: &str = "joint_limits.yaml";
 /// Joints that an error offers.
 const MOST_NAMES: usize = 24;
 
-/// What is asked for when a robot is imported.
+/// Options of a robot's import.
 #[derive(Debug, Clone, Default)]
 pub struct ImportOptions {
     /// The link that stands still, if it is not the first.
@@ -74,8 +74,8 @@ impl ImportedRobot {
     /// Reads the description in `file`; the gripper is what the arm is to carry.
     ///
     /// # Errors
-    /// What is wrong with the description or with the options: no serial arm, more than one, numbers out of
-    /// their ranges.
+    /// Faults of the description or of the options: no serial arm, more than one, numbers out of their
+    /// ranges.
     pub fn read(file: &Path, options: &ImportOptions, gripper: &Gripper) -> Result<Self, InputError> {
         let name = file.display().to_string();
         let text = FileKind::text("a description of a robot, URDF").read_text(file)?;
@@ -163,8 +163,8 @@ impl ImportedRobot {
         &self.draft.shapes
     }
 
-    /// Whether the shapes of all links were read and each of their triangles is inside a capsule, and a
-    /// sentence that says so.
+    /// Returns whether the shapes of all links were read and each of their triangles is inside a capsule, and
+    /// a sentence that says so.
     pub fn coverage(&self) -> (bool, String) {
         let all = self.shapes().len();
         let read: Vec<&BodyShape> = self.shapes().iter().filter(|it| !it.surface.triangles.is_empty()).collect();
@@ -229,7 +229,7 @@ fn read_limits(
     Ok(limits)
 }
 
-/// What the joints of an arm may do, of all that is stated and given; `file` is the description.
+/// Values of the joints of an arm, of all that is stated and given; `file` is the description.
 fn joint_values(
     file: &str,
     chain: &Chain,
@@ -247,7 +247,7 @@ fn joint_values(
     joints.collect()
 }
 
-/// One value for each joint.
+/// Values of an option, one for each joint.
 fn per_joint(values: &[f64], dof: usize, option: &str) -> Result<Vec<Option<f64>>, InputError> {
     match values {
         [] => Ok(vec![None; dof]),
@@ -321,8 +321,8 @@ fn lighten(draft: &mut Draft, robot: &Robot, gripper: &Gripper) -> bool {
     true
 }
 
-/// Where the gripper is mounted: the back of its housing at the flange, or in front of the last link's shape
-/// where the description has no frame for it.
+/// Pose in which the gripper is mounted: the back of its housing at the flange, or in front of the last
+/// link's shape where the description has no frame for it.
 fn mount(chain: &Chain, shapes: &[BodyShape], gripper: &Gripper) -> Stated<catch_body::Pose> {
     let X_LG = chain.X_LF * chain.X_FG() * Translation3::new(0.0, gripper.palm_y_m(), 0.0);
     if chain.has_flange {

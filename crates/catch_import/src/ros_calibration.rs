@@ -24,7 +24,7 @@ const RECTIFIED: f64 = 1e-6;
 
 /// Frames of images end so, as REP 103 has it: z forward, x to the right.
 const OPTICAL: &str = "optical_frame";
-/// What says nothing about a camera's geometry.
+/// Names that do not concern a camera's geometry.
 const HARMLESS: Harmless = &[
     ("", &["camera_name", "distortion_model"]),
     ("camera_matrix", SHAPE),
@@ -93,7 +93,7 @@ pub fn read_camera_info(path: &Path) -> Result<CameraModel, InputError> {
     camera_info(&file, &text)
 }
 
-/// The same of a text; `file` names it in errors.
+/// Reads the intrinsics of a camera from the text of a `camera_info` file; `file` names it in errors.
 ///
 /// # Errors
 /// As [`read_camera_info`].
@@ -130,7 +130,7 @@ pub fn camera_info(file: &str, text: &str) -> Result<CameraModel, InputError> {
     })
 }
 
-/// Whether the images have all pixels of which the file speaks.
+/// Checks that the images have all pixels of which the file speaks.
 fn as_taken(document: &Document, [width_px, height_px]: [f64; 2]) -> Result<(), InputError> {
     let count = |path: &[&'static str]| {
         let node = value(document, path);
@@ -151,7 +151,7 @@ fn as_taken(document: &Document, [width_px, height_px]: [f64; 2]) -> Result<(), 
     Ok(())
 }
 
-/// Whether the matrices for rectified images are those of the camera, whose images are rectified.
+/// Checks that the matrices for rectified images are those of the camera, whose images are rectified.
 fn rectified(document: &Document, [fx, fy, cx, cy]: [f64; 4]) -> Result<(), InputError> {
     let rotation = value(document, &["rectification_matrix", "data"]);
     if let Some(node) = rotation {
@@ -197,7 +197,8 @@ pub fn read_hand_eye(path: &Path, base_link: &str) -> Result<Pose, InputError> {
     hand_eye(&file, &text, base_link)
 }
 
-/// The same of a text; `file` names it in errors.
+/// Reads the pose X_BC of a camera in the robot's base from the text of a hand-eye calibration; `file` names
+/// it in errors.
 ///
 /// # Errors
 /// As [`read_hand_eye`].
@@ -328,7 +329,8 @@ mod tests {
         }
     }
 
-    /// As both generations of the program write it, in either notation; null regions and binning are none.
+    /// Files are read as both generations of the program write them, in either notation; null regions and
+    /// binning are none.
     #[test]
     fn other_writers_are_understood() {
         let first = "parameters: {eye_on_hand: false, robot_base_frame: base, tracking_base_frame: cam_optical_frame}\n\

@@ -13,8 +13,8 @@ const STAYS: f64 = 1e-2;
 const GROWTH: f64 = 1.25;
 const MOST_TRIALS: usize = 20;
 
-/// The same surface with at most `most` triangles, and the edge in metres of the cells in which vertices
-/// became one; `None` if it has no more anyway.
+/// Simplifies a surface to at most `most` triangles; also returns the edge in metres of the cells in which
+/// vertices became one. `None` if the surface has no more triangles anyway.
 ///
 /// Vertices in one cube of a grid become one, where the squared distances from the planes of their triangles
 /// are least, so that sharp edges stay (Lindstrom, Out-of-core simplification of large polygonal models,
@@ -36,7 +36,7 @@ pub fn simplified(mesh: &TriangleMesh, most: usize) -> Option<(TriangleMesh, f64
     None
 }
 
-/// What is asked of a cell: its vertices' sum and number, and the planes of the triangles there.
+/// Contents of a cell: its vertices' sum and number, and the planes of the triangles there.
 #[derive(Clone, Default)]
 struct Cell {
     sum: Vector3<f64>,

@@ -250,7 +250,7 @@ fn key_and_value(content: &str) -> Option<(&str, &str)> {
     Some((&content[..at], content[at + 1..].trim()))
 }
 
-/// Whether all brackets outside of quotes are closed.
+/// Returns whether all brackets outside of quotes are closed.
 fn is_complete(text: &str) -> bool {
     let (mut open, mut quote) = (0i32, None);
     for it in text.chars() {
@@ -293,7 +293,7 @@ fn quoted(text: &str) -> String {
 mod tests {
     use catch_body::document::Node;
 
-    /// The same content in block and in flow notation.
+    /// Block and flow notation of the same content are both read.
     #[test]
     fn both_notations_are_read() {
         let block = "a: # first\n  b: 1\n  'c d': \"x # y\"\n  list:\n  - 1\n  - 2.5\ne: null\n";

@@ -20,39 +20,39 @@ impl<'d> Node<'d> {
         &self.document.parts[self.index as usize]
     }
 
-    /// Its name; that of an item of a list is empty.
+    /// Name of the part; that of an item of a list is empty.
     pub fn name(self) -> &'d str {
         &self.document.names[self.part().name as usize]
     }
 
-    /// Its text or value, without white space around it.
+    /// Text or value of the part, without white space around it.
     pub fn text(self) -> &'d str {
         self.part().text.trim()
     }
 
-    /// Whether it is a key that says nothing: `null`, `~` or nothing at all.
+    /// Returns whether the part is a key that says nothing: `null`, `~` or nothing at all.
     pub fn is_null(self) -> bool {
         self.part().first_child == NONE && matches!(self.text(), "" | "~" | "null" | "Null" | "NULL")
     }
 
-    /// All within it, asked for or not.
+    /// All parts within this one, asked for or not.
     pub(super) fn parts(self) -> impl Iterator<Item = Self> {
         let of = move |index: u32| (index != NONE).then_some(Self { document: self.document, index });
         std::iter::successors(of(self.part().first_child), move |it| of(it.part().next))
     }
 
-    /// The elements within it, none of which is asked for by this.
+    /// The elements within this part, none of which is asked for by this.
     pub fn elements(self) -> impl Iterator<Item = Self> {
         self.parts().filter(|it| !it.part().is_attribute)
     }
 
-    /// It, which is asked for from now on.
+    /// Marks the part as asked for, and returns it.
     pub fn read(self) -> Self {
         self.part().state.set(State::Read);
         self
     }
 
-    /// Says that it and all within it belongs to what is not used.
+    /// Marks the part and all within it as not used.
     pub fn leave_out(self) {
         self.part().state.set(State::LeftOut);
     }
@@ -97,7 +97,7 @@ impl<'d> Node<'d> {
         self.elements().filter(|it| it.name().is_empty()).map(Self::read)
     }
 
-    /// Whether it is a list.
+    /// Returns whether the part is a list.
     pub fn is_list(self) -> bool {
         self.part().is_list
     }
@@ -107,12 +107,12 @@ impl<'d> Node<'d> {
         self.named(name, true).next().map(|it| &*it.part().text)
     }
 
-    /// Whether there is an attribute of this name, which is asked for by this.
+    /// Returns whether there is an attribute of this name, which is asked for by this.
     pub fn has(self, name: &'static str) -> bool {
         self.attribute(name).is_some()
     }
 
-    /// It and all elements within it, none of which is asked for by this.
+    /// This part and all elements within it, none of which is asked for by this.
     pub fn descendants(self) -> impl Iterator<Item = Self> {
         let mut waiting = vec![self];
         std::iter::from_fn(move || {
@@ -124,7 +124,7 @@ impl<'d> Node<'d> {
         })
     }
 
-    /// The numbers of its text, or of its list.
+    /// The numbers of the part's text, or of its list.
     ///
     /// # Errors
     /// Another number of them, or one that is none or out of its range.
@@ -144,7 +144,7 @@ impl<'d> Node<'d> {
         numbers.and_then(|it| it.try_into().ok()).ok_or_else(fault)
     }
 
-    /// The number that its text is.
+    /// The number that the part's text is.
     ///
     /// # Errors
     /// As [`numbers`](Self::numbers).
@@ -152,12 +152,12 @@ impl<'d> Node<'d> {
         self.numbers(range).map(|[it]| it)
     }
 
-    /// A fault at its place.
+    /// A fault at the part's place.
     pub fn fault(self, found: impl Display, expected: impl Display) -> InputError {
         InputError::new(&self.document.file, self.place(), found, expected)
     }
 
-    /// Its line, if that is known, and its path.
+    /// Place of the part: its line, if that is known, and its path.
     pub fn place(self) -> String {
         let mut path = String::new();
         let mut at = self;
@@ -190,7 +190,7 @@ impl<'d> Node<'d> {
         harmless.iter().any(|(parent, names)| (*parent == "*" || *parent == above) && names.iter().any(&is_this))
     }
 
-    /// Says that nobody asked for it, and what would be read in its place.
+    /// Fault of a part that nobody asked for: states what would be read in its place.
     pub(super) fn unread(self) -> InputError {
         let Self { document, .. } = self;
         let parent = self.above().map_or(0, Self::kind);

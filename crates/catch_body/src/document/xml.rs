@@ -81,7 +81,7 @@ fn attribute_name(node: Node, attribute: &Attribute) -> String {
     prefix.map_or_else(|| attribute.name().to_owned(), |prefix| format!("{prefix}:{}", attribute.name()))
 }
 
-/// Whether a parser has no more work with a text than its length.
+/// Checks that a parser's work with a text grows no faster than its length.
 fn bounded(text: &str) -> Result<(), String> {
     if text.matches("xmlns").count() > MOST_NAME_SPACES {
         return Err(format!("more than {MOST_NAME_SPACES} declarations of name spaces"));
@@ -122,7 +122,7 @@ pub fn root_element(text: &str) -> Option<&str> {
     Some(&before[before.rfind('<')? + 1..])
 }
 
-/// Where attributes of the outermost element may begin.
+/// Position in the text at which attributes of the outermost element may begin.
 fn end_of_root_name(text: &str) -> Option<usize> {
     let mut at = 0;
     loop {

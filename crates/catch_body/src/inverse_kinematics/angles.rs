@@ -1,4 +1,4 @@
-//! What closed forms are made of: angles about axes, and where axes meet (the subproblems of Paden and
+//! Elements of closed forms: angles about axes, and points where axes meet (the subproblems of Paden and
 //! Kahan).
 
 use std::f64::consts::TAU;
@@ -15,12 +15,12 @@ pub struct Sinusoid {
 }
 
 impl Sinusoid {
-    /// By a and b.
+    /// The sinusoid with coefficients a and b.
     pub fn new([a, b]: [f64; 2]) -> Self {
         Self { phase: libm::atan2(b, a), amplitude: libm::hypot(a, b) }
     }
 
-    /// The angles at which it is `value`: two, or none.
+    /// The angles at which the sinusoid is `value`: two, or none.
     pub fn angles_at(self, value: f64) -> impl Iterator<Item = f64> {
         let cos = value / self.amplitude;
         let aside = (cos.abs() <= 1.0).then(|| libm::acos(cos));
@@ -28,7 +28,7 @@ impl Sinusoid {
     }
 }
 
-/// A vector turned about an axis, by the formula of Rodrigues.
+/// Rotation of a vector about an axis, by the formula of Rodrigues.
 #[derive(Debug, Clone, Copy)]
 pub struct AxisRotation {
     axis: Vector3<f64>,
@@ -37,13 +37,13 @@ pub struct AxisRotation {
 }
 
 impl AxisRotation {
-    /// By an angle about an axis.
+    /// The rotation by an angle about an axis.
     pub fn new(axis: &Vector3<f64>, angle: f64) -> Self {
         let (sin, cos) = libm::sincos(angle);
         Self { axis: *axis, sin, cos }
     }
 
-    /// A vector after it.
+    /// A vector after the rotation.
     pub fn of(&self, v: &Vector3<f64>) -> Vector3<f64> {
         v * self.cos + self.axis.cross(v) * self.sin + self.axis * (self.axis.dot(v) * (1.0 - self.cos))
     }
@@ -67,7 +67,7 @@ pub fn turned_into(angle: f64, from: f64, [low, high]: [f64; 2]) -> Option<f64> 
     [nearest, nearest - TAU, nearest + TAU].into_iter().find(|it| (low..=high).contains(it))
 }
 
-/// Where two axes meet, each a direction and a point on it; `None` if they do not, or are parallel.
+/// Point where two axes meet, each a direction and a point on it; `None` if they do not, or are parallel.
 pub fn meeting_point([(a, p), (b, r)]: [(Unit<Vector3<f64>>, Point3<f64>); 2]) -> Option<Point3<f64>> {
     let (normal, between) = (a.cross(&b), r - p);
     let meet = normal.norm() > TOLERANCE && between.dot(&normal).abs() < TOLERANCE * normal.norm();

@@ -19,11 +19,11 @@ struct Arcs<const MOST: usize> {
     count: usize,
 }
 
-/// Where a form is positive: an arc, which ±π may cut in two.
+/// Angles at which a form is positive: an arc, which ±π may cut in two.
 type Arc = Arcs<2>;
-/// Where two are, or where not both are.
+/// Angles at which two forms are positive, or at which not both are.
 type TwoArcs = Arcs<4>;
-/// Where three joints keep their ranges: each of six forms cuts at most one gap, and ±π one more.
+/// Angles at which three joints keep their ranges: each of six forms cuts at most one gap, and ±π one more.
 type Joints = Arcs<10>;
 
 impl<const MOST: usize> Arcs<MOST> {
@@ -40,7 +40,7 @@ impl<const MOST: usize> Arcs<MOST> {
         self.ends[..self.count].iter()
     }
 
-    /// Whether no angle is left.
+    /// Returns whether no angle is left.
     fn is_empty(&self) -> bool {
         self.count == 0
     }
@@ -81,7 +81,7 @@ impl<const MOST: usize> Arcs<MOST> {
 }
 
 impl Arc {
-    /// Where h ≥ 0: h₀ + r·cos(ψ − φ) is there within ±acos(−h₀/r) of φ.
+    /// Angles at which h ≥ 0: h₀ + r·cos(ψ − φ) is nonnegative within ±acos(−h₀/r) of φ.
     fn where_positive(h: &Harmonic) -> Self {
         let r = (h.y * h.y + h.z * h.z).sqrt();
         if h.x >= r {
@@ -94,7 +94,7 @@ impl Arc {
         Self::between(middle - half, middle + half)
     }
 
-    /// From `low` to `high` ≤ `low` + 2π, wrapped at ±π.
+    /// Arc from `low` to `high` ≤ `low` + 2π, wrapped at ±π.
     fn between(low: f64, high: f64) -> Self {
         use std::f64::consts::{PI, TAU};
         let mut arcs = Self::NONE;
@@ -112,9 +112,9 @@ impl Arc {
 }
 
 impl TwoArcs {
-    /// Where both forms are positive.
+    /// Angles at which both forms are positive.
     fn where_both_positive(one: &Harmonic, two: &Harmonic) -> Self {
-        // Where one is positive nowhere the costly question need not be asked of the other.
+        // Forms are intersected only if both may be positive: the costly test is skipped otherwise.
         let may_be_positive = |h: &Harmonic| h.x >= 0.0 || h.x * h.x <= h.y * h.y + h.z * h.z;
         if may_be_positive(one) && may_be_positive(two) {
             Arc::where_positive(one).intersection(&Arc::where_positive(two))
@@ -136,7 +136,7 @@ impl AngleRange {
         Self { width: high - low, low: libm::sincos(low), high: libm::sincos(high) }
     }
 
-    /// Where the direction (`x`, `y`) has an angle in the range.
+    /// Angles at which the direction (`x`, `y`) has an angle in the range.
     fn contains(&self, x: &Harmonic, y: &Harmonic) -> TwoArcs {
         let left_of = |(sin, cos): (f64, f64)| y * cos - x * sin;
         let right_of = |(sin, cos): (f64, f64)| x * sin - y * cos;
@@ -162,7 +162,7 @@ struct Bounds {
 }
 
 impl Bounds {
-    /// Where all three are kept; `sign` is that of the middle one.
+    /// Angles at which all three joints keep their ranges; `sign` is that of the middle one.
     fn kept_by(&self, forms: &EulerForms, sign: f64) -> Joints {
         let ([low, high], [cos_low, cos_high]) = (self.middle, self.cosines);
         let (low, high, cos_low, cos_high) =
@@ -186,20 +186,20 @@ impl Bounds {
     }
 }
 
-/// One of the eight solutions for a swivel angle: the signs of the elbow, of the second and of the sixth
+/// Branch of the eight solutions for a swivel angle: the signs of the elbow, of the second and of the sixth
 /// joint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Branch {
-    /// Whether the elbow bends backwards.
+    /// True if the elbow bends backwards.
     pub elbow: bool,
-    /// Whether the shoulder is turned over.
+    /// True if the shoulder is flipped.
     pub shoulder: bool,
-    /// Whether the wrist is turned over.
+    /// True if the wrist is flipped.
     pub wrist: bool,
 }
 
 impl Branch {
-    /// All of them, in the order of [`SrsArm::solve`].
+    /// All branches, in the order of [`SrsArm::solve`].
     pub const ALL: [Self; 8] = {
         let mut all = [Self { elbow: false, shoulder: false, wrist: false }; 8];
         let mut i = 0;
@@ -258,7 +258,7 @@ impl SrsArm {
         }
     }
 
-    /// By how much at most each joint turns, in radians, while the elbow moves by up to `by` radians from
+    /// Upper bound of each joint's rotation in radians while the elbow moves by up to `by` radians from
     /// `swivel`.
     ///
     /// A form changes by r·by at most; so does the direction (x, y) whose angle a joint is.
@@ -311,9 +311,9 @@ impl SrsArm {
         self.euler_forms(&forward, &backward, 5)
     }
 
-    /// For R = Rᵤ(α)·R_b(β)·Rᵤ(γ), b being the axis of joint `middle`, and c = b × u: R·u = u·cos β + (c·cos
-    /// α + b·sin α)·sin β and Rᵀ·u = u·cos β + (−c·cos γ + b·sin γ)·sin β; `forward` is R·u and `backward`
-    /// Rᵀ·u.
+    /// Coefficients of R = Rᵤ(α)·R_b(β)·Rᵤ(γ), b being the axis of joint `middle`, and c = b × u: R·u = u·cos
+    /// β + (c·cos α + b·sin α)·sin β and Rᵀ·u = u·cos β + (−c·cos γ + b·sin γ)·sin β; `forward` is R·u and
+    /// `backward` Rᵀ·u.
     fn euler_forms(&self, forward: &[Vector3<f64>; 3], backward: &[Vector3<f64>; 3], middle: usize) -> EulerForms {
         let harmonic = |vectors: &[Vector3<f64>; 3], along: &Vector3<f64>| {
             Harmonic::new(vectors[0].dot(along), vectors[1].dot(along), vectors[2].dot(along))

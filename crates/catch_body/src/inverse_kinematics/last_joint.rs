@@ -13,8 +13,8 @@ use crate::{pose::Pose, robot::JointVector};
 /// thorough search quarters. Of each part and branch one posture is kept.
 const LAST_JOINT_SAMPLES: usize = 10;
 const THOROUGH_PARTS: usize = 4;
-/// How far samples may be out of a range, as a fraction of it, and still lead to what is within; how often
-/// the search for it narrows its interval.
+/// Distance by which samples may be out of a range, as a fraction of it, and still lead to a posture within;
+/// number of intervals by which the search for that posture narrows.
 const NEARLY: f64 = 0.25;
 const NARROWINGS: usize = 1;
 const GOLDEN_SECTION: f64 = 0.381_966;
@@ -28,9 +28,9 @@ impl SphericalShoulderArm {
     }
 }
 
-/// Of each branch the posture that leaves the joints most room within `ranges`, the last joint being in one
+/// For each branch, the posture that leaves the joints most room within `ranges`, the last joint being in one
 /// of so many parts of its range: the best sample, or, where none is quite within but one between them may
-/// be, what a golden-section search finds there.
+/// be, the posture that a golden-section search finds there.
 fn easiest(
     arm: &SphericalShoulderArm,
     X_WG: &Pose,
@@ -38,7 +38,8 @@ fn easiest(
     ranges: &Ranges,
     (part, parts): (usize, usize),
 ) -> impl Iterator<Item = JointVector> {
-    // What is more than half a turn away is nearer the other way round, where that is within the range.
+    // An angle that is more than half a turn away is nearer the other way round, where that is within the
+    // range.
     let [low, high] = match ranges[6] {
         [low, high] if high - low > TAU => {
             let low = (from[6] - PI).clamp(low, high - TAU);
@@ -95,8 +96,8 @@ fn golden_section_search([mut low, mut high]: [f64; 2], mut value_at: impl FnMut
     }
 }
 
-/// Whether a branch may use less than all of the ranges between two samples of what it uses, beside the least
-/// one. That falls nowhere faster than it rises on the steeper side of that sample.
+/// Returns whether a branch may use less than all of the ranges between two samples of what it uses, beside
+/// the least one. The ranges used fall nowhere faster than they rise on the steeper side of that sample.
 fn may_be_within(used: &[f64; LAST_JOINT_SAMPLES]) -> bool {
     let Some((at, least)) = used.iter().copied().enumerate().min_by(|a, b| a.1.total_cmp(&b.1)) else { return false };
     let beside = [at.checked_sub(1), Some(at + 1)].map(|i| i.and_then(|i| used.get(i)).copied());
@@ -128,8 +129,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Of two lines with the same slope, that nothing lies between the samples where they use less is
-        /// known exactly.
+        /// Between samples of two lines with the same slope, the test for a place where they use less is
+        /// exact.
         #[test]
         fn what_lies_between_samples_is_told_by_them(slope in 0.01f64..2.0, tip in 1.0f64..2.0, least in 0.5f64..1.5) {
             let used = std::array::from_fn(|sample| least + slope * (sample as f64 - tip).abs());

@@ -46,7 +46,7 @@ impl Robot {
             if size < TOLERANCE {
                 return Some(q);
             }
-            // What has not halved in a few steps is stuck at the ends of the ranges.
+            // An error that has not halved in a few steps is stuck at the ends of the ranges.
             if step % 4 == 3 {
                 if size > before / 2.0 {
                     return None;
@@ -94,7 +94,7 @@ impl Robot {
         found
     }
 
-    /// Some joint positions within `ranges` that put the gripper at `X_WG`, those along the redundancy of an
+    /// Some joint positions within `ranges` that put the gripper at `X_WG`, those along the null space of an
     /// arm of more than six joints among them. Starts at `from`, then all over the ranges.
     pub fn solutions_within(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<JointVector> {
         let dof = self.dof();
@@ -182,12 +182,12 @@ impl NullSpace {
         Some(Self { J, factor: damped.cholesky()?, dof: robot.dof() })
     }
 
-    /// What a joint motion leaves when that part of it is taken away that moves the gripper.
+    /// Projects a joint motion onto the null space: the part of it that does not move the gripper.
     fn project(&self, v: &JointVector) -> JointVector {
         v - self.J.transpose() * self.factor.solve(&(self.J * v))
     }
 
-    /// What each joint's motion leaves, the longest first.
+    /// Null-space projections of each joint's motion, the longest first.
     fn directions(&self) -> Vec<JointVector> {
         let mut all: Vec<JointVector> = (0..self.dof).map(|i| self.project(&JointVector::ith(i, 1.0))).collect();
         all.sort_by(|a, b| b.norm().total_cmp(&a.norm()));

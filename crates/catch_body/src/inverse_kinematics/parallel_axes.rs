@@ -26,7 +26,7 @@ const SINGULAR: f64 = 1e-9;
 #[derive(Debug, Clone)]
 pub struct ParallelAxesArm {
     axes: [Unit<Vector3<f64>>; 6],
-    /// Whether axes 3 and 4 point along axis 2, or against it.
+    /// Signs of the directions of axes 3 and 4: 1 along axis 2, −1 against it.
     signs: [f64; 2],
     /// A point on axis 1, and the origins of joints 2, 3 and 4 without what lies along these axes.
     base: Point3<f64>,
@@ -78,7 +78,7 @@ impl ParallelAxesArm {
     pub fn solutions(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Solutions {
         let mut solutions = Solutions::default();
         let to_wrist = X_WG * self.p_GW - self.base;
-        // What turns the gripper from where it is at zero.
+        // Rotation of the gripper from its orientation at zero.
         let R_turn = X_WG.rotation.to_rotation_matrix() * self.R_WG.inverse();
         let [a1, a2] = [self.axes[0].into_inner(), self.axes[1].into_inner()];
         // q1: seen from a link that has turned by it, the wrist point is as far along axis 2 as at zero.
@@ -94,7 +94,7 @@ impl ParallelAxesArm {
                 let q6 = if v.cross(&a6).norm() < SINGULAR { from[5] } else { -angle(&a6, &v, &(M.inverse() * a2)) };
                 let rest =
                     M * Rotation3::from_axis_angle(&self.axes[5], -q6) * Rotation3::from_axis_angle(&self.axes[4], -q5);
-                // What is left is a turn about axis 2, by q2 ± q3 ± q4.
+                // The remaining rotation is about axis 2, by q2 ± q3 ± q4.
                 let sum = angle(&a2, &a1, &(rest * a1));
                 let forearm_to_wrist = self.wrist - self.base - self.joints[2];
                 let r = to_wrist - Rotation3::from_axis_angle(&self.axes[1], sum) * forearm_to_wrist - self.joints[0];
@@ -151,7 +151,7 @@ mod tests {
         let mut apart = ur10e();
         apart.joints[5].X_PL.translation.vector += Vector3::new(0.01, 0.01, 0.01);
         assert!(ParallelAxesArm::of(&oblique).is_none() && ParallelAxesArm::of(&apart).is_none());
-        // Where it stands and in which direction a joint counts does not matter.
+        // The pose of the base and the direction in which a joint counts do not matter.
         let mut mirrored = ur10e();
         mirrored.joints[2].axis = -mirrored.joints[2].axis;
         mirrored.X_WB = Pose::new(Vector3::new(0.3, -0.2, 0.5), Vector3::new(0.5, 1.0, -0.3));

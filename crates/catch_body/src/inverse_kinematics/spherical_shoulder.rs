@@ -22,7 +22,7 @@ use crate::{
 /// Solutions of one pose and angle of the last joint: how joint 4 is bent, on which side of the line from
 /// shoulder to wrist axis 5 passes, and how joint 2 is.
 pub(super) const BRANCHES: usize = 8;
-/// All of them are wanted.
+/// Mask in which all branches are wanted.
 pub(super) const ALL_BRANCHES: u8 = u8::MAX;
 
 /// Directions that are closer to one line than this, as a sine, do not fix an orientation.
@@ -33,13 +33,14 @@ const SINGULAR: f64 = 1e-9;
 pub struct SphericalShoulderArm {
     axes: [Vector3<f64>; 7],
     shoulder: Point3<f64>,
-    /// From the elbow, a point on axis 4, to the wrist and to the shoulder.
+    /// Vectors from the elbow, a point on axis 4, to the wrist and to the shoulder.
     forearm: Vector3<f64>,
     upper_arm: Vector3<f64>,
     /// A point on the last axis, and the wrist from there.
     last: Point3<f64>,
     last_to_wrist: Vector3<f64>,
-    /// What the distance from shoulder to wrist depends on, of q4; the height of axis 3 along axis 1, of q2.
+    /// Function of q4 that determines the distance from shoulder to wrist; height of axis 3 along axis 1 as a
+    /// function of q2.
     bend: Sinusoid,
     height: Sinusoid,
     /// The inverse of the gripper's pose.
@@ -165,7 +166,7 @@ impl SphericalShoulderArm {
     }
 }
 
-/// What of a vector is across an axis.
+/// Component of a vector across an axis.
 fn across(v: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
     v - axis * axis.dot(v)
 }

@@ -13,14 +13,14 @@ use crate::{
     shape::{Capsule, Cuboid},
 };
 
-/// One elliptic cross-section of a tube.
+/// An elliptic cross-section of a tube.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TubeRing {
     /// Centre of the ellipse.
     pub centre: Point3<f64>,
     /// Directions of its two axes, perpendicular unit vectors; neighbouring rings should have similar ones.
     pub axes: [Vector3<f64>; 2],
-    /// Half lengths along them.
+    /// Half lengths along the ellipse's axes.
     pub semi_axes_m: [f64; 2],
 }
 

@@ -81,13 +81,13 @@ pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Vec<Soup>, InputError> {
 #[derive(Default)]
 struct Reader {
     places: Vec<[f64; 3]>,
-    /// For each group the vertices that it uses, and its triangles between them.
+    /// Vertices that each group uses, and its triangles between them.
     groups: Vec<(Vec<u32>, Vec<[u32; 3]>)>,
     /// Vertices of the present group by their numbers in the file.
     numbers: HashMap<u32, u32>,
     present: (Vec<u32>, Vec<[u32; 3]>),
     triangles: usize,
-    /// One more than the highest index.
+    /// The highest index plus one.
     highest: u32,
 }
 

@@ -7,7 +7,7 @@ use crate::InputError;
 const HEAD: usize = 84;
 const EACH: usize = 50;
 
-/// What a text of STL should be.
+/// Content that an STL file should have.
 const EXPECTED: &str = "an STL mesh, binary or text";
 
 /// Vertices and triangles of all solids of a file.

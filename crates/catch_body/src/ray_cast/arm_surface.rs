@@ -13,14 +13,14 @@ use crate::{
 /// Flat strips around a capsule: at 48 a link of 80 mm radius is 0.17 mm short between the edges.
 const SEGMENTS: u32 = 48;
 
-/// What a part of an [`ArmSurface`] belongs to.
+/// Body that a part of an [`ArmSurface`] belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SurfacePart {
     /// The link of this number, 0 being the base.
     Link(usize),
     /// The gripper: its housing, or a finger.
     Gripper,
-    /// What stands around the arm.
+    /// An obstacle around the arm.
     Obstacle,
 }
 
@@ -31,9 +31,9 @@ pub struct ArmSurface {
     /// Links that have a surface, and that surface in the link's frame.
     links: Vec<(usize, RayCaster)>,
     housing: RayCaster,
-    /// One finger around its own centre; both are alike.
+    /// A finger around its own centre; both are alike.
     finger: RayCaster,
-    /// What stands around the arm, in W.
+    /// Obstacles around the arm, in W.
     obstacles: Option<RayCaster>,
     gripper: Gripper,
     X_LG: Pose,
@@ -67,7 +67,7 @@ impl ArmSurface {
         self.named_parts(X_WL, width_m).map(|(_, X_WB, caster)| (X_WB, caster))
     }
 
-    /// The same, with what each part belongs to.
+    /// Every part with the body that it belongs to, and otherwise as of [`Self::parts`].
     pub fn named_parts(&self, X_WL: &LinkPoses, width_m: f64) -> impl Iterator<Item = (SurfacePart, Pose, &RayCaster)> {
         let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
         let fingers = self.gripper.fingers(width_m).map(|finger| {

@@ -6,7 +6,7 @@ use serde::Deserialize;
 use super::{RobotFiles, unreasoned};
 use crate::{InputError, quantity, robot::Inertia, urdf::Element};
 
-/// What the moments of inertia of a body are.
+/// Condition on the moments of inertia of a body.
 const OF_A_BODY: &str = "moments above zero, none larger than the sum of the other two";
 
 /// Mass properties of a link that take the place of the URDF's.
@@ -19,14 +19,14 @@ pub(super) struct LinkFields {
     /// Centre of mass in the link's frame.
     #[serde(deserialize_with = "quantity::offset_m")]
     com_m: [f64; 3],
-    /// Along the link's axes about the centre of mass: xx, yy, zz, xy, xz, yz. An object's file has another
-    /// order.
+    /// Moments of inertia along the link's axes about the centre of mass: xx, yy, zz, xy, xz, yz. An object's
+    /// file has another order.
     #[serde(deserialize_with = "quantity::inertia_kgm2")]
     inertia_kgm2: [f64; 6],
-    /// Whether nobody published it.
+    /// True if nobody published the mass properties.
     #[serde(default)]
     assumed: bool,
-    /// Why it is assumed.
+    /// Reason for the assumption.
     reason: Option<String>,
 }
 
@@ -41,7 +41,7 @@ pub(super) fn link_inertia(link: &Element) -> Result<Inertia, InputError> {
     Ok(inertia)
 }
 
-/// The inertia that `robot.toml` states in its place.
+/// The inertia that `robot.toml` states in place of the URDF's.
 pub(super) fn stated_inertia(files: &RobotFiles, link: &str, fields: &LinkFields) -> Result<Inertia, InputError> {
     let &LinkFields { mass_kg, com_m, inertia_kgm2: [xx, yy, zz, xy, xz, yz], assumed, ref reason } = fields;
     if let Some(fault) = unreasoned(files, &format!("links.{link}."), assumed, reason.as_ref()) {

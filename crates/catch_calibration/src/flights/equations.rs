@@ -1,5 +1,5 @@
-//! What one flight tells of all cameras: residuals, derivatives, and the elimination of what is the flight's
-//! own.
+//! Contribution of one flight to the equations of all cameras: residuals, derivatives, and the elimination of
+//! the flight's own parameters.
 
 use catch_body::Pose;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Point3, SMatrix, Vector3};
@@ -29,7 +29,7 @@ const LEAST_SPAN_S: f64 = 0.05;
 /// Rounds of the first fit.
 const FIRST_ROUNDS: usize = 15;
 
-/// What is estimated of one camera.
+/// Parameters of one camera.
 #[derive(Debug, Clone, Copy)]
 pub struct CameraState {
     pub X_WC: Pose,
@@ -47,7 +47,7 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// `None` where it is no number, or its covariance is none.
+    /// A sighting that counts; `None` where it is no number, or its covariance is none.
     pub fn new(sighting: Sighting) -> Option<Self> {
         let Sighting { capture_s, p_C, covariance_C, .. } = &sighting;
         let is_finite = capture_s.is_finite() && p_C.iter().chain(covariance_C.iter()).all(|it| it.is_finite());
@@ -79,11 +79,11 @@ pub struct Row {
     pub residual: Vector3<f64>,
     pub by_camera: SMatrix<f64, 3, OF_CAMERA>,
     pub by_tilt: SMatrix<f64, 3, OF_TILT>,
-    /// By position, velocity and drag.
+    /// Derivatives by position, velocity and drag.
     pub by_flight: SMatrix<f64, 3, OF_FLIGHT>,
 }
 
-/// What a flight tells of what is estimated in common.
+/// Information of a flight about the parameters that all flights have in common.
 pub struct FlightEquations {
     pub information: DMatrix<f64>,
     pub pull: DVector<f64>,
@@ -101,7 +101,7 @@ pub struct Priors {
 }
 
 impl FlightState {
-    /// With the parabola that most sightings lie near.
+    /// The flight near whose parabola most sightings lie.
     pub fn new(mut seen: Vec<Seen>, cameras: &[CameraState]) -> Option<Self> {
         let time_s = |it: &Seen| it.sighting.capture_s + cameras[it.sighting.camera].time_offset_s;
         seen.sort_by(|a, b| time_s(a).total_cmp(&time_s(b)));
@@ -238,7 +238,7 @@ impl FlightState {
         Some(FlightEquations { information, pull, outliers, own, own_pull, coupling })
     }
 
-    /// With one of its parameters changed.
+    /// The flight with one of its parameters changed.
     #[cfg(test)]
     pub fn changed(&self, parameter: usize, by: f64) -> Self {
         let mut changed = self.clone();

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 /// Longest step of the integration.
 const STEP_S: f64 = 0.02;
-/// Most steps, so that absurd times cost no more than wrong answers.
+/// Greatest number of steps, so that absurd times cost no more than wrong answers.
 const MOST_STEPS: f64 = 500.0;
 
 /// Derivatives by velocity at the start, drag constant, and tilt about x and y of W.

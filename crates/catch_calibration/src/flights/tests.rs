@@ -78,7 +78,8 @@ fn derivatives_of_a_sighting_are_those_of_finite_differences() {
     }
 }
 
-/// Without drag it is a parabola, whatever the steps; with drag there and back leads to where it began.
+/// A motion without drag is a parabola, whatever the steps; one with drag, there and back, ends where it
+/// began.
 #[test]
 fn a_motion_is_a_parabola_and_can_be_reversed() {
     let start = Motion::new(Vector3::new(0.2, 2.0, 1.0), Vector3::new(0.5, -3.0, 3.0));

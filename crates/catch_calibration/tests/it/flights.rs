@@ -14,7 +14,7 @@ use serde_json::Value;
 const COVERS_95: f64 = 12.592;
 const SD_RAD: f64 = 5e-4;
 const SD_M: f64 = 1e-3;
-/// What all cameras have in common: a rotation about each axis of W, and a displacement.
+/// Errors that all cameras have in common: a rotation about each axis of W, and a displacement.
 const COMMON_SD_RAD: f64 = 5e-4;
 const COMMON_SD_M: f64 = 1.5e-3;
 const SCALE_SD: f64 = 1e-3;
@@ -40,7 +40,7 @@ impl Random {
     }
 }
 
-/// What is true, and what a calibration says of it.
+/// True values, and what a calibration states of them.
 struct World {
     true_poses: Vec<Pose>,
     calibration: Calibration,
@@ -145,7 +145,7 @@ impl World {
         refine(&self.calibration, flights, &self.settings)
     }
 
-    /// How far a camera is off: rotation, then translation.
+    /// Error of a camera: rotation, then translation.
     fn error(&self, calibration: &Calibration, camera: usize) -> Vector6<f64> {
         let off = calibration.cameras[camera].X_WC.inv_mul(&self.true_poses[camera]);
         let (r, p) = (off.rotation.scaled_axis(), off.translation.vector);
@@ -164,7 +164,7 @@ impl World {
         errors.dot(&factor.solve(&errors)) / errors.len() as f64
     }
 
-    /// How far the second camera is from where it should be, seen by the first: 1 m in front of it.
+    /// Distance of the second camera from where it should be, seen by the first: 1 m in front of it.
     fn apart_m(&self, calibration: &Calibration) -> f64 {
         let p_W = self.true_poses[0] * nalgebra::Point3::new(0.0, 0.0, 1.0);
         let seen = |i: usize| calibration.cameras[i].X_WC * self.true_poses[i].inverse_transform_point(&p_W);
@@ -250,8 +250,7 @@ fn outliers_do_not_count() {
     }
 }
 
-/// However large the noise is, nothing is claimed to be less certain than before, nor more certain than with
-/// less noise.
+/// Noise, however large, makes no claim less certain than before, nor more certain than less noise does.
 #[test]
 fn noise_that_nobody_said_makes_claims_larger_but_not_larger_than_before() {
     let mut random = Random::new(8);
@@ -269,7 +268,7 @@ fn noise_that_nobody_said_makes_claims_larger_but_not_larger_than_before() {
     }
 }
 
-/// One camera alone tells the vertical in its own images.
+/// A single camera determines the vertical in its own images.
 #[test]
 fn a_single_camera_tells_the_vertical() {
     let mut random = Random::new(10);
@@ -279,7 +278,7 @@ fn a_single_camera_tells_the_vertical() {
     let found = world.refined(&flights);
     assert_eq!((found.status, found.flights), (FlightStatus::Refined, 20));
     assert!(found.tilt_sd_rad.iter().all(|it| *it < 0.005), "{:?}", found.tilt_sd_rad);
-    // What the cameras have in common is known better by the first one's camera, too, and that is all.
+    // The errors in common to the cameras are known better by the first one's camera, too, and that is all.
     let sd = |it: &Calibration| it.cameras[0].covariance.fixed_view::<3, 3>(3, 3).trace().sqrt();
     assert!(sd(&found.calibration) <= sd(&world.calibration) * (1.0 + 1e-9));
 }

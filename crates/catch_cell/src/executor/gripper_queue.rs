@@ -7,7 +7,7 @@ use super::SAME_TIME_S;
 /// Moves that the fingers have not begun, soonest first.
 #[derive(Debug, Clone, Default)]
 pub struct GripperQueue {
-    /// Each with the time at which it starts: its own, or that of its arrival if that was later.
+    /// Moves, each with the time at which it starts: its own, or that of its arrival if that was later.
     pending: Vec<(f64, GripperMove)>,
     rejected: u32,
 }
@@ -66,8 +66,8 @@ mod tests {
         queue.receive(&[step(0.4, 0.02), step(f64::NAN, 0.0), step(0.5, f64::INFINITY)], 0.25);
         assert_eq!((widths(&mut queue, 0.35), queue.rejected()), (vec![], 2));
         assert_eq!(widths(&mut queue, 0.4), [0.02]);
-        // What has started is executed, and the list that follows it as well; an empty list replaces by
-        // nothing.
+        // A move that has started is executed, and the list that follows it as well; an empty list replaces
+        // by nothing.
         queue.receive(&[step(0.5, 0.03)], 0.45);
         queue.receive(&[step(0.1, 0.05), step(0.6, 0.01)], 0.55);
         assert_eq!(widths(&mut queue, 0.56), [0.03, 0.05]);

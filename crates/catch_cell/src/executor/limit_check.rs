@@ -1,4 +1,4 @@
-//! Whether a commanded trajectory keeps within the arm's limits.
+//! Check of a commanded trajectory against the arm's limits.
 
 use catch_body::{JointVector, Robot};
 
@@ -8,10 +8,10 @@ use crate::{
     rejection::{LimitKind, LimitViolation},
 };
 
-/// What a ratio may exceed 1 by: rounding in whoever computed the trajectory.
+/// Tolerance of a ratio above 1: rounding in whoever computed the trajectory.
 const ROUNDING: f64 = 1e-9;
-/// How finely torques, and velocities whose limits depend on the position, are sampled between knots, where
-/// they are smooth.
+/// Interval in seconds at which torques, and velocities whose limits depend on the position, are sampled
+/// between knots, where they are smooth.
 const SAMPLE_INTERVAL_S: f64 = 4e-3;
 
 const KINDS: [LimitKind; 6] = [
@@ -32,10 +32,10 @@ pub struct PeakRatios {
 }
 
 impl PeakRatios {
-    /// Of a valid spline. Positions, velocities, accelerations and jerks are exact: between knots they are
-    /// polynomials. Torques are those of inverse dynamics, sampled at the knots, on both sides of them, and
-    /// densely between, and so are the speed of the hand and velocities whose limits depend on the position;
-    /// `robot` should carry its gripper. Where the acceleration jumps the jerk is infinite.
+    /// Peak ratios of a valid spline. Positions, velocities, accelerations and jerks are exact: between knots
+    /// they are polynomials. Torques are those of inverse dynamics, sampled at the knots, on both sides of
+    /// them, and densely between, and so are the speed of the hand and velocities whose limits depend on the
+    /// position; `robot` should carry its gripper. Where the acceleration jumps the jerk is infinite.
     pub fn of(robot: &Robot, spline: &BSpline) -> Self {
         let nothing = [JointVector::zeros(); KINDS.len()];
         let mut peaks = Self { dof: robot.dof(), ratio: nothing, time_s: nothing };
@@ -69,9 +69,9 @@ impl PeakRatios {
         peaks
     }
 
-    /// One joint between two knots, from position, velocity and acceleration at both. Over the time s since
-    /// the first the velocity is v + a·s + j·s²/2 and highest where the acceleration vanishes, the position
-    /// where the velocity does.
+    /// Adds one joint between two knots, from position, velocity and acceleration at both. Over the time s
+    /// since the first the velocity is v + a·s + j·s²/2 and highest where the acceleration vanishes, the
+    /// position where the velocity does.
     fn note_span(&mut self, robot: &Robot, i: usize, start_s: f64, width_s: f64, [first, last]: [[f64; 3]; 2]) {
         let limits = &robot.joints[i].limits;
         let [q, v, a] = first;

@@ -9,11 +9,11 @@ use super::{
 };
 use catch_body::{InputError, MAX_JOINTS};
 
-/// So many joints in a row are an arm where several branches could go on.
+/// Least number of joints in a row that are an arm where several branches could go on.
 const LEAST_ARM_JOINTS: usize = 3;
-/// After so many joints a branch is a hand.
+/// Number of joints after which a branch is a hand.
 const MOST_JOINTS_BEFORE_A_HAND: usize = 5;
-/// A jaw turns by less, in radians.
+/// Range in radians above which a joint is no jaw.
 const JAW_RANGE_RAD: f64 = 2.4;
 /// The middle of a jaw's range is further from zero, as a fraction of it.
 const JAW_ONE_SIDED: f64 = 0.2;
@@ -106,13 +106,13 @@ impl<'a> Tree<'a> {
             if self.limb(next) == Limb::Hand {
                 return hand(format!("{} is one of a hand by its name", next.name));
             }
-            // What a joint of the arm drives is part of the arm.
+            // A joint that a joint of the arm drives is part of the arm.
             if is_driven_from_below(&next) {
                 return Err(self.not_of_an_arm(next));
             }
             if !is_driven(next) && next.kind != JointKind::Fixed && passed >= LEAST_ARM_JOINTS {
                 return match &next.mimics {
-                    // What another branch drives is a hand only if all of it is behind.
+                    // A joint that another branch drives is a hand only if all of it is behind.
                     Some(driver) if !self.below(at).iter().any(|it| self.is_moved_by(it, driver)) => {
                         Err(self.not_of_an_arm(next))
                     }
@@ -129,8 +129,8 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// Whether the last joint of an arm can be no jaw: it turns far or both ways alike, it carries something,
-    /// or it bears its link in the middle.
+    /// Checks that the last joint of an arm is no jaw: it rotates far or both ways alike, it carries
+    /// something, or it bears its link in the middle.
     fn is_no_jaw(&self, last: &TreeJoint) -> Result<(), InputError> {
         let is_end = self.description.joints_of(&last.child).is_empty();
         let Some([lower, upper]) = last.range.filter(|_| is_end) else { return Ok(()) };
@@ -171,7 +171,7 @@ impl<'a> Tree<'a> {
     }
 }
 
-/// Whether one of the joints has that name.
+/// Returns whether one of the joints has that name.
 fn is_among(name: &str, joints: &[&TreeJoint]) -> bool {
     joints.iter().any(|it| it.name == name)
 }

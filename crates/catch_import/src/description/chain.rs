@@ -6,7 +6,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::{Geometry, TreeJoint};
 use catch_body::{Pose, robot::Inertia};
 
-/// Which part of a tree is the arm; what is `None` is found.
+/// Ends of the arm within a tree; an end that is `None` is found.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Selection<'a> {
     /// The link that stands still.
@@ -18,7 +18,7 @@ pub struct Selection<'a> {
 /// A serial arm of revolute joints between rigid bodies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chain {
-    /// What stands still, in the base link's frame.
+    /// Body that stands still, in the base link's frame.
     pub base: Body,
     /// Joints, base to tip.
     pub joints: Vec<ChainJoint>,
@@ -26,9 +26,9 @@ pub struct Chain {
     pub flange: String,
     /// Pose of F in the last body's frame.
     pub X_LF: Pose,
-    /// Whether F has a joint of its own, so that its place is known; otherwise it is the last body's frame.
+    /// True if F has a joint of its own, so that its place is known; otherwise F is the last body's frame.
     pub has_flange: bool,
-    /// What was taken off.
+    /// Fingers that were taken off.
     pub fingers: Option<Fingers>,
     /// Links of branches that are left out.
     pub left_out: Vec<String>,
@@ -46,7 +46,7 @@ pub struct ChainJoint {
 /// Links that are rigidly connected, in the frame of the first.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Body {
-    /// Their names; the first is that of the body.
+    /// Names of the links; the first is that of the body.
     pub links: Vec<String>,
     /// Mass properties of all; `None` if none has mass.
     pub inertia: Option<Inertia>,
@@ -59,9 +59,9 @@ pub struct Body {
 /// A gripper that was taken off.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fingers {
-    /// Its links.
+    /// Names of the fingers' links.
     pub links: Vec<String>,
-    /// Why it is no part of the arm.
+    /// Reason why the fingers are no part of the arm.
     pub reason: String,
     /// Direction in F in which the first finger moves.
     pub closing_F: Option<Vector3<f64>>,

@@ -1,4 +1,4 @@
-//! What is rigidly connected along an arm, folded into one body for each joint.
+//! Folding of rigidly connected links along an arm into one body for each joint.
 
 use std::collections::{BTreeMap, HashSet};
 
@@ -16,13 +16,13 @@ use catch_body::Pose;
 /// 199's `flange`).
 const FLANGE_WORDS: [&str; 9] = ["tool0", "flange", "tool", "ee", "eef", "effector", "endeffector", "tcp", "mount"];
 
-/// Why an arm ends.
+/// End of an arm.
 pub enum End<'a> {
-    /// At a frame that somebody chose.
+    /// The arm ends at a frame that somebody chose.
     Tip(&'a str),
     /// A hand begins at a link.
     Hand { at: &'a str, reason: String },
-    /// Nothing moves behind it.
+    /// No joint moves behind the end.
     Open,
 }
 

@@ -5,7 +5,7 @@ use super::TreeJoint;
 /// A part of a robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Limb {
-    /// Whatever no name says is another.
+    /// Arms, and all that no name says is another limb.
     Arm,
     /// Hands, grippers and their fingers.
     Hand,
@@ -45,7 +45,7 @@ pub fn limb_of(joint: &TreeJoint) -> Limb {
     }
 }
 
-/// Whether a name is one of a finger that can move. One of `leftfinger` is.
+/// Returns whether a name is one of a finger that can move. One of `leftfinger` is.
 pub fn is_of_a_finger(name: &str) -> bool {
     let words = words(name);
     let is_finger = |it: &String| {

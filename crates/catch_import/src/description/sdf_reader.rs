@@ -10,7 +10,7 @@ use catch_body::{
     robot::Inertia,
 };
 
-/// What a file should be.
+/// Kind of file that is expected.
 const EXPECTED: &str = "a model in the Simulation Description Format (SDF)";
 /// Extents of a shape.
 const EXTENT_M: Quantity = Quantity { least: 0.0, most: 1e4, unit: "m" };
@@ -25,7 +25,7 @@ const MOMENT_KGM2: Quantity = Quantity { least: -1e9, most: 1e9, unit: "kg·m²"
 const DENSITY_KGPM3: Quantity = Quantity { least: 0.0, most: 1e5, unit: "kg/m³" };
 const WATER_KGPM3: f64 = 1000.0;
 
-/// What only places, moves, draws or senses; friction is found within `<surface>`.
+/// Names that only place, move, draw or sense; friction is found within `<surface>`.
 const HARMLESS: Harmless = &[
     ("sdf", &["@version"]),
     (

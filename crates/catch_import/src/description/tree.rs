@@ -8,17 +8,17 @@ use super::{
 };
 use catch_body::{InputError, Pose};
 
-/// What is known of a link's place in the tree.
+/// Place of a link in the tree.
 pub struct Place<'a> {
-    /// The joint that moves it.
+    /// The joint that moves the link.
     pub joint: Option<&'a TreeJoint>,
-    /// The link that carries it.
+    /// The link that carries this one.
     pub parent: Option<&'a str>,
-    /// As the names of the joints up to it say.
+    /// Limb that the names of the joints up to the link say.
     pub limb: Limb,
-    /// Revolute joints one after another below it, at most.
+    /// Revolute joints one after another below the link, at most.
     pub arm_joints: usize,
-    /// Whether something moves below it.
+    /// True if something moves below the link.
     pub moves_below: bool,
 }
 
@@ -93,7 +93,7 @@ impl<'a> Tree<'a> {
         self.places.get(joint.child.as_str()).map_or(Limb::Arm, |it| it.limb)
     }
 
-    /// Whether the joint named `name` moves `link`.
+    /// Returns whether the joint named `name` moves `link`.
     pub fn is_moved_by(&self, link: &str, name: &str) -> bool {
         self.places.get(link).and_then(|it| it.joint).is_some_and(|it| it.name == name)
     }
@@ -107,7 +107,7 @@ impl<'a> Tree<'a> {
         self.places.get(joint.child.as_str()).map_or(0, |it| it.arm_joints) + usize::from(drives)
     }
 
-    /// All links from `link` on.
+    /// Links from `link` on, itself among them.
     pub fn below(&self, link: &'a str) -> Vec<&'a str> {
         let mut links = vec![link];
         let mut next = 0;
@@ -137,13 +137,13 @@ impl<'a> Tree<'a> {
     }
 }
 
-/// Whether a joint can be one of an arm: revolute, and driven on its own.
+/// Returns whether a joint can be one of an arm: revolute, and driven on its own.
 pub fn is_driven(joint: &TreeJoint) -> bool {
     joint.kind == JointKind::Revolute && joint.mimics.is_none()
 }
 
-/// Whether a joint moves, or did before somebody fixed it: fingers are often fixed where only the arm is to
-/// move.
+/// Returns whether a joint moves, or did before somebody fixed it: fingers are often fixed where only the arm
+/// is to move.
 pub fn can_move(joint: &TreeJoint, description: &Description) -> bool {
     let has_shape = || {
         let link = description.links.get(&joint.child);

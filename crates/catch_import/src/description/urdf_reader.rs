@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(read_range("type=\"continuous\"><limit lower=\"-1\" upper=\"2\"/>"), Some([-1.0, 2.0]));
     }
 
-    /// As Drake reads them, among what other programs say of a transmission.
+    /// Rotor inertias are read as Drake reads them, among what other programs say of a transmission.
     #[test]
     fn rotor_inertias_are_reflected_to_their_joints() {
         let text = arm("type=\"revolute\"><axis xyz=\"0 0 1\"/>");

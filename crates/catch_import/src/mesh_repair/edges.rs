@@ -20,7 +20,7 @@ impl Edges {
         Self { sides }
     }
 
-    /// All sides that run along the same edge, edge by edge.
+    /// Groups of the sides that run along the same edge, edge by edge.
     pub fn groups(&self) -> impl Iterator<Item = &[Side]> {
         self.sides.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
     }

@@ -7,16 +7,16 @@ use nalgebra::{Point3, Vector3};
 use super::edges::Edges;
 use catch_body::TriangleMesh;
 
-/// What was filled, and what was not.
+/// Result of filling holes.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Filling {
     /// Holes that were filled.
     pub holes: usize,
-    /// Width of the widest of them in metres.
+    /// Width of the widest hole that was filled, in metres.
     pub widest_m: f64,
     /// Holes that are too wide.
     pub left: usize,
-    /// Middle of the rim and width of the widest of them.
+    /// Middle of the rim and width of the widest hole that is left.
     pub widest_left: Option<(Point3<f64>, f64)>,
 }
 
@@ -64,7 +64,7 @@ fn rims(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     for start in starts {
         let (mut path, mut places) = (vec![start], HashMap::from([(start, 0)]));
         while let Some(next) = path.last().and_then(|at| onwards.get_mut(at)).and_then(Vec::pop) {
-            // Where a path meets itself a rim is complete.
+            // A rim is complete where a path meets itself.
             if let Some(at) = places.get(&next) {
                 let rim = path.split_off(*at);
                 for vertex in &rim {
@@ -84,7 +84,7 @@ fn middle(points: &[Point3<f64>]) -> Point3<f64> {
     Point3::from(points.iter().map(|it| it.coords).sum::<Vector3<f64>>() / points.len() as f64)
 }
 
-/// How wide a hole is: the distance across a slit, the diameter of a circle.
+/// Width of a hole in metres: the distance across a slit, the diameter of a circle.
 fn width_m(rim: &[Point3<f64>]) -> f64 {
     let centre = middle(rim);
     let sides = || rim.iter().zip(rim.iter().cycle().skip(1));

@@ -9,11 +9,11 @@ use catch_body::TriangleMesh;
 
 /// Shells are compared with each other up to this number.
 const MOST_SHELLS: usize = 256;
-/// So many of a shell's triangles are looked at to tell whether it is within another one.
+/// Number of a shell's triangles that are tested for whether the shell is within another one.
 const TRIED: usize = 32;
 /// Pairs of a triangle and a place that are looked at for each two shells.
 const MOST_PAIRS: usize = 300_000;
-/// The same for all shells that may be within another one.
+/// Number of such pairs for all shells that may be within another one.
 const MOST_WORK: usize = 400_000_000;
 
 /// Leaves out shells that are open and smaller than `size_m`; how many.
@@ -79,7 +79,7 @@ pub(super) fn face_outwards(mesh: &mut TriangleMesh, shell_of: &[u32]) -> (usize
     (turned + turn.iter().filter(|it| **it).count(), drop.iter().filter(|it| **it).count())
 }
 
-/// How many shells cross another one, so that they share a volume which counts twice.
+/// Number of shells that cross another one, so that they have a volume in common which counts twice.
 pub(super) fn crossing(mesh: &TriangleMesh, shell_of: &[u32]) -> usize {
     let count = shell_of.iter().max().map_or(0, |last| *last as usize + 1);
     if !(2..=MOST_SHELLS).contains(&count) {
@@ -107,7 +107,8 @@ pub(super) fn crossing(mesh: &TriangleMesh, shell_of: &[u32]) -> usize {
     crosses.iter().filter(|it| **it).count()
 }
 
-/// Whether a surface enters a closed one: a triangle's middle is inside, or an edge goes through a triangle.
+/// Returns whether a surface enters a closed one: a triangle's middle is inside, or an edge goes through a
+/// triangle.
 fn enters(surface: &[[Point3<f64>; 3]], closed: &[[Point3<f64>; 3]], of_closed: &Shell) -> bool {
     let near: Vec<&[Point3<f64>; 3]> = surface
         .iter()
@@ -130,7 +131,7 @@ fn enters(surface: &[[Point3<f64>; 3]], closed: &[[Point3<f64>; 3]], of_closed: 
     })
 }
 
-/// Whether a segment goes through the inside of a triangle.
+/// Returns whether a segment goes through the inside of a triangle.
 fn pierces([p, q]: [Point3<f64>; 2], [a, b, c]: &[Point3<f64>; 3]) -> bool {
     let volume =
         |a: &Point3<f64>, b: &Point3<f64>, c: &Point3<f64>, d: &Point3<f64>| (a - d).dot(&(b - d).cross(&(c - d)));
@@ -142,7 +143,7 @@ fn pierces([p, q]: [Point3<f64>; 2], [a, b, c]: &[Point3<f64>; 3]) -> bool {
         && (sides.iter().all(|it| *it > least) || sides.iter().all(|it| *it < -least))
 }
 
-/// What is asked of a shell.
+/// Bounding box, volume and number of triangles of a shell.
 #[derive(Debug, Clone)]
 struct Shell {
     triangles: usize,
@@ -168,12 +169,12 @@ impl Shell {
         self.volume_m3 += a.dot(&b.cross(&c)) / 6.0;
     }
 
-    /// Whether the boxes around it and another one have a place in common.
+    /// Returns whether the boxes around this shell and another one have a place in common.
     fn meets(&self, other: &Self) -> bool {
         self.low <= other.high && other.low <= self.high
     }
 
-    /// Whether the box around it holds the one around another.
+    /// Returns whether the box around this shell holds the one around another.
     fn may_hold(&self, other: &Self) -> bool {
         self.low <= other.low && other.high <= self.high
     }

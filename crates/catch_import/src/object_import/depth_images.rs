@@ -21,17 +21,19 @@ pub(super) const RIG: &str = "rig.toml";
 const MOST_FILES: usize = 10_000;
 /// A millimetre is what a depth of 1 means, unless the scale is given.
 const UNIT_M: f64 = 1e-3;
-/// What is farther than this from the origin of R is behind the object.
+/// Distance from the origin of R beyond which a point is behind the object.
 const OBJECT_WITHIN_M: f64 = 0.3;
 /// Pixels to either side over which depths are smoothed.
 const SMOOTHING_PX: isize = 2;
-/// Two depths whose mean is farther than this from that of the pixel between are on another surface.
+/// Distance of the mean of two depths from that of the pixel between beyond which they are on another
+/// surface.
 const SMOOTH_M: f64 = 0.002;
 /// Pixels of an image that are compared with the other images.
 const COMPARED: usize = 2_000;
 /// A camera that sees something this much farther looks through what another one sees.
 const THROUGH_M: f64 = 0.01;
-/// Such a fraction of what is seen may be, at edges and by wrong depths.
+/// Greatest fraction of the pixels that may look through what another camera sees, at edges and by wrong
+/// depths.
 const MOST_CONTRADICTING: f64 = 0.15;
 /// An image, by its extension.
 const IMAGE: FileKind = FileKind::geometry("a depth image: a PNG file with 16 bits of gray");
@@ -40,7 +42,7 @@ const IMAGE: FileKind = FileKind::geometry("a depth image: a PNG file with 16 bi
 /// and what was found on the way.
 ///
 /// # Errors
-/// What is wrong with the rig or an image, another number of images than of cameras, no object at the origin.
+/// A fault of the rig or an image, another number of images than of cameras, no object at the origin.
 pub(super) fn surface(folder: &Path, scale: Option<f64>) -> Result<(TriangleMesh, Vec<String>), InputError> {
     let named = folder.display().to_string();
     let rig = folder.join(RIG);

@@ -14,7 +14,7 @@ const DRAG_COEFFICIENT: f64 = 0.9;
 /// Standard deviation of each coordinate of the centre of mass about that of uniform density, which few
 /// objects have.
 const COM_SD_M: f64 = 0.005;
-/// What nobody says of impacts.
+/// Coefficient of restitution where nobody states one.
 const RESTITUTION: f64 = 0.4;
 
 /// An object's files while they are written.
@@ -28,7 +28,7 @@ pub(super) struct Draft<'a> {
 }
 
 impl Draft<'_> {
-    /// Its `truth.toml`.
+    /// Text of the object's `truth.toml`.
     pub fn truth_toml(&self) -> String {
         let Stated { mass_kg, assumed, com, about_com, .. } = self.stated;
         let drag_per_m = self.drag_per_m();
@@ -65,7 +65,7 @@ impl Draft<'_> {
         text
     }
 
-    /// Its `known.toml`.
+    /// Text of the object's `known.toml`.
     pub fn known_toml(&self) -> String {
         let (mass_kg, drag_per_m) = (self.stated.mass_kg, self.drag_per_m());
         let drag_sd = (drag_per_m * 0.3 * 1e4).round() / 1e4;
@@ -77,7 +77,7 @@ impl Draft<'_> {
         )
     }
 
-    /// The files beside it.
+    /// The files beside the object's own.
     pub fn files(&self) -> Vec<(String, Vec<u8>)> {
         let mut files = vec![(self.mesh_file(), obj(std::slice::from_ref(self.mesh)))];
         if !self.parts.is_empty() {

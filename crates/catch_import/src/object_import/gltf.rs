@@ -32,7 +32,7 @@ const BINARY: &[u8] = b"BIN\0";
 /// Numbers of transformations and weights.
 const NUMBER: Quantity = Quantity { least: -1e12, most: 1e12, unit: "" };
 
-/// What draws, moves or is said about a mesh.
+/// Names that draw, move or describe a mesh.
 const HARMLESS: Harmless = &[
     (
         "",
@@ -326,7 +326,7 @@ impl<'a> Reader<'a> {
         Ok(TriangleMesh { vertices, triangles })
     }
 
-    /// What the scene does not show is not looked at.
+    /// Marks what the scene does not show as not used.
     fn leave_out_the_rest(&self) {
         let shown: Vec<usize> = self.known.keys().map(|it| it.0).collect();
         for (i, mesh) in self.meshes.iter().enumerate() {

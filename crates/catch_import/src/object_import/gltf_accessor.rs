@@ -17,7 +17,8 @@ pub(super) struct Buffers<'a> {
 }
 
 impl Buffers<'_> {
-    /// Nothing is asked of what is not used, such as the accessors of normals.
+    /// Marks all views and accessors as left out, so that nothing is asked of those that are not used, such
+    /// as the accessors of normals.
     pub fn leave_out_unused(&self) {
         for node in self.views.iter().chain(&self.accessors) {
             node.leave_out();
@@ -90,7 +91,7 @@ pub(super) fn rows(buffers: &Buffers, node: Node, kind: &str) -> Result<Vec<f64>
     Ok(numbers)
 }
 
-/// How the numbers of a row are written.
+/// Layout of the numbers of a row.
 #[derive(Clone, Copy)]
 struct Layout {
     columns: usize,

@@ -3,7 +3,7 @@
 use catch_body::{TriangleMesh, quantity, robot::Inertia};
 use nalgebra::{Matrix3, Point3, Vector3};
 
-/// What something weighs of which nobody says it, per m³: fruit, full bottles and boxes are near water,
+/// Density of an object of which nobody states it, in kg/m³: fruit, full bottles and boxes are near water,
 /// hollow things are lighter.
 const ASSUMED_KGPM3: f64 = 500.0;
 /// A stated moment of inertia is that of the shape within this factor.
@@ -16,13 +16,14 @@ const OFF: f64 = 0.05;
 #[derive(Debug, Clone)]
 pub(super) struct Stated {
     pub mass_kg: f64,
-    /// Why the mass is assumed, if it is.
+    /// Reason why the mass is assumed, if it is.
     pub assumed: Option<String>,
-    /// In the frame of the surface, unless that of uniform density is meant.
+    /// Centre of mass in the frame of the surface; `None` for that of uniform density.
     pub com: Option<Point3<f64>>,
-    /// About the centre of mass along the axes of the surface, likewise.
+    /// Moments of inertia about the centre of mass along the axes of the surface; `None` for those of uniform
+    /// density.
     pub about_com: Option<Matrix3<f64>>,
-    /// What was not believed, and why.
+    /// Statements that were not believed, each with its reason.
     pub findings: Vec<String>,
 }
 
@@ -116,8 +117,8 @@ impl Stated {
     }
 }
 
-/// Whether all moments are written with one digit, which may be off by half of itself: the shape tells them
-/// better.
+/// Returns whether all moments are written with one digit, which may be off by half of itself: the shape then
+/// gives them better.
 fn has_one_digit(inertia: &Matrix3<f64>) -> bool {
     inertia.diagonal().iter().all(|&moment| {
         let rounded: f64 = format!("{moment:.0e}").parse().unwrap_or(f64::NAN);

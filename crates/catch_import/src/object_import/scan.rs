@@ -9,7 +9,7 @@ use nalgebra::{Point3, Vector3};
 
 /// Edge of the cubes in which the surface is looked for, in metres.
 const SPACING_M: f64 = 0.0015;
-/// How far beyond the thinned points of a model, on both sides together, the surface may be.
+/// Distance beyond the thinned points of a model, on both sides together, within which the surface may be.
 const ROOM_M: f64 = 0.01;
 
 /// The surface where the signed distance of the cloud is zero, in the cloud's own unit of `scale` metres, and
@@ -32,8 +32,8 @@ pub(super) fn surface(file: &str, mut cloud: CloudFile, scale: f64) -> Result<(T
     between(file, &reference, scale, findings)
 }
 
-/// Whether the normals of a cloud all around something face its inside: by the divergence theorem Σ n·(p − c)
-/// is three times a volume.
+/// Returns whether the normals of a cloud all around something face its inside: by the divergence theorem Σ
+/// n·(p − c) is three times a volume.
 fn face_inwards(cloud: &CloudFile) -> bool {
     let (low, high) = bounds(&cloud.points);
     let centre = (low + high) / 2.0;
@@ -67,8 +67,8 @@ pub(super) fn between(
     Ok((mesh, findings))
 }
 
-/// One point per cube of the edge [`SPACING_M`]: where points lie much closer than others their noise would
-/// bend the surface.
+/// Thins a cloud to one point per cube of the edge [`SPACING_M`]: where points lie much closer than others
+/// their noise would bend the surface.
 fn thinned(cloud: CloudFile) -> CloudFile {
     let mut known = HashSet::new();
     let cube = |it: &Point3<f64>| <[i64; 3]>::from(it.coords.map(|value| (value / SPACING_M).floor() as i64));

@@ -1,5 +1,4 @@
-//! What an object is imported from: the triangles of a mesh, or a link with all that its description says of
-//! it.
+//! Source of an imported object: the triangles of a mesh, or a link with all that its description says of it.
 
 use std::{
     fs,
@@ -27,17 +26,19 @@ const ENDINGS: [&[&str]; 9] =
 const MOST_FILES: usize = 10_000;
 /// Shapes of a link at most.
 const MOST_SHAPES: usize = 500;
-/// Most convex parts of an object.
+/// Greatest number of convex parts of an object.
 const MOST_PARTS: usize = 64;
 /// Collision shapes fill the object if their volume is that many times its own.
 const PARTS_FILL: [f64; 2] = [0.8, 1.35];
 /// A part is convex if its hull has no more than this many times its own volume.
 const CONVEX: f64 = 1.1;
-/// They stick out of the box around it by no more than this fraction of its longest side.
+/// Fraction of the object's longest side by which collision shapes may stick out of the box around the
+/// object.
 const STICKS_OUT: f64 = 0.05;
-/// In no direction do they end farther from where the object ends, in metres: fingers touch what collides.
+/// Largest distance in metres, in any direction, between the ends of the collision shapes and of the object:
+/// fingers touch what collides.
 const ENDS_OFF_M: f64 = 0.001;
-/// Directions in which that is looked at.
+/// Number of directions in which this distance is measured.
 const DIRECTIONS: usize = 200;
 /// The most bytes of a mesh: some millions of triangles.
 const MESH: FileKind = FileKind {
@@ -48,24 +49,24 @@ const MESH: FileKind = FileKind {
 /// The head of a PLY file is no longer.
 const MOST_HEADER_BYTES: usize = 100_000;
 
-/// What was found to import.
+/// Source of an object, as it was found.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Source {
-    /// What errors call the file.
+    /// Name of the file in errors.
     pub file: String,
     /// Name of the file, and of the link.
     pub named: String,
     /// The surface as its files have it, in the frame of the link or of the mesh.
     pub surface: TriangleMesh,
-    /// Whether it is in metres, by its format.
+    /// True if the surface is in metres, by its format.
     pub in_metres: bool,
-    /// What the description says of the mass.
+    /// Mass properties that the description states.
     pub inertia: Option<Inertia>,
     /// Coulomb friction coefficient.
     pub friction: Option<f64>,
     /// Shapes for collisions, if they are others than the surface.
     parts: Vec<TriangleMesh>,
-    /// What a reader may want to know.
+    /// Findings that a reader may want to know.
     pub findings: Vec<String>,
 }
 
@@ -73,7 +74,7 @@ impl Source {
     /// Reads a file, or the one of a folder that says most; `scale` is in metres per unit, if it is known.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// A fault of the file or its link.
     pub fn read(path: &Path, link: Option<&str>, scale: Option<f64>) -> Result<Self, InputError> {
         if path.join(depth_images::RIG).is_file() {
             let (surface, findings) = depth_images::surface(path, scale)?;
@@ -154,7 +155,7 @@ impl Source {
         Ok(source)
     }
 
-    /// Makes it larger.
+    /// Scales the surface and the collision shapes.
     pub fn scale(&mut self, scale: f64) {
         let meshes = std::iter::once(&mut self.surface).chain(&mut self.parts);
         meshes.flat_map(|it| &mut it.vertices).for_each(|it| it.coords *= scale);
@@ -202,7 +203,7 @@ impl Source {
     }
 }
 
-/// How far from each other, at most in any direction, the parts and the solid end.
+/// Distance between the ends of the parts and of the solid, at most in any direction, in metres.
 fn ends_off_m(parts: &[TriangleMesh], solid: &TriangleMesh) -> f64 {
     let end = |mesh: &TriangleMesh, direction: &Vector3<f64>| {
         mesh.vertices.iter().map(|it| it.coords.dot(direction)).fold(f64::NEG_INFINITY, f64::max)
@@ -269,7 +270,7 @@ fn chosen<'a>(description: &'a Description, named: Option<&str>) -> Result<(&'a 
     }
 }
 
-/// Whether a file has points without faces.
+/// Returns whether a file has points without faces.
 fn is_cloud(path: &Path, bytes: &[u8]) -> bool {
     match ending(path).as_str() {
         "pcd" | "xyz" => true,

@@ -8,30 +8,30 @@ use nalgebra::Matrix3;
 
 use super::{geometry::BodyShape, joint_limits::JointLimitFields};
 
-/// All that is written of a robot.
+/// Contents of a robot's files.
 #[derive(Debug, Clone)]
 pub struct Draft {
     /// Name of the robot.
     pub name: String,
-    /// What it was made from.
+    /// Source of the robot.
     pub source: String,
     /// The arm.
     pub chain: Chain,
     /// Shapes of the base and of each moved body.
     pub shapes: Vec<BodyShape>,
-    /// What the arm's joints may do.
+    /// Values of the arm's joints.
     pub joints: Vec<JointValues>,
     /// Mass properties of each moved body.
     pub inertias: Vec<Stated<Inertia>>,
-    /// How high the base stands above the floor.
+    /// Height of the base above the floor, in metres.
     pub base_height_m: f64,
     /// Pose of the gripper on the last body.
     pub X_LG: Stated<Pose>,
     /// Links so near in the chain are not compared.
     pub ignored_neighbours: usize,
-    /// Far from the ends of the ranges.
+    /// Joint positions far from the ends of the ranges.
     pub comfortable_rad: Vec<f64>,
-    /// Where the arm waits.
+    /// Joint positions in which the arm waits.
     pub ready_rad: Vec<f64>,
 }
 
@@ -41,7 +41,7 @@ fn text_in_xml(text: &str) -> String {
     escaped.iter().fold(text.to_owned(), |text, (letter, name)| text.replace(letter, name))
 }
 
-/// What a joint may do.
+/// Values of a joint: its limits and its rotor inertia.
 #[derive(Debug, Clone)]
 pub struct JointValues {
     /// Lowest and highest position in radians.
@@ -58,7 +58,7 @@ pub struct JointValues {
     pub rotor_inertia: Stated<f64>,
 }
 
-/// A range for a joint that turns without end.
+/// Range of a joint that rotates without end.
 const ENDLESS_RAD: f64 = std::f64::consts::TAU;
 /// A speed for a joint of which none is known.
 const SPEED_RADPS: f64 = 2.0;
@@ -66,7 +66,7 @@ const SPEED_RADPS: f64 = 2.0;
 const TO_FULL_SPEED_S: f64 = 0.2;
 /// The reflected rotor inertia of most models in MuJoCo Menagerie.
 const ROTOR_INERTIA_KGM2: f64 = 0.1;
-/// Stands for a torque that is worked out when all else is known.
+/// Placeholder of a torque that is worked out when all else is known.
 const UNKNOWN_TORQUE_NM: f64 = 1e4;
 
 /// Values that were given when the robot was imported, for one joint.
@@ -81,8 +81,8 @@ pub struct GivenValues {
 }
 
 impl JointValues {
-    /// What is given by hand comes first; of what `joint_limits.yaml` and the description state, the
-    /// narrower; the rest is assumed.
+    /// Combines the sources of a joint's values: those given by hand come first; of those that
+    /// `joint_limits.yaml` and the description state, the narrower; the rest is assumed.
     ///
     /// # Errors
     /// A range that is none, or in other units; `file` is the description.
@@ -123,7 +123,7 @@ impl JointValues {
     }
 }
 
-/// What all bounds that anybody states leave of a joint's range; where there is none, a whole turn is
+/// Range of a joint that is left by all bounds that anybody states; where there is none, a whole turn is
 /// assumed.
 fn range_of(file: &str, joint: &TreeJoint, limits: &JointLimitFields) -> Result<Stated<[f64; 2]>, InputError> {
     let field = || format!("joint {}: limit", joint.name);
@@ -148,7 +148,7 @@ fn range_of(file: &str, joint: &TreeJoint, limits: &JointLimitFields) -> Result<
     Err(InputError::new(file, field(), found, "lower below upper in all that states bounds; one that is left out is 0"))
 }
 
-/// With three significant digits.
+/// Rounds to three significant digits.
 pub fn rounded(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
@@ -169,7 +169,7 @@ impl Draft {
         let of_base = base.inertia.filter(is_part).map(|it| inertial(&it)).unwrap_or_default();
         let _ = writeln!(text, "  <link name=\"{}\">\n{of_base}  </link>", text_in_xml(&base.links[0]));
         for (joint, inertia) in self.chain.joints.iter().zip(&self.inertias) {
-            // What is assumed stands in robot.toml.
+            // Assumed values stand in robot.toml.
             let known = if inertia.assumed.is_none() { inertial(&inertia.value) } else { String::new() };
             let _ = writeln!(text, "  <link name=\"{}\">\n{known}  </link>", text_in_xml(&joint.body.links[0]));
         }
@@ -376,7 +376,7 @@ pub fn limits_of(limits: &BTreeMap<String, JointLimitFields>, name: &str) -> Joi
     limits.get(name).copied().or_else(|| by_end().map(|(_, it)| *it)).unwrap_or_default()
 }
 
-/// Whether an entry of limits is of a joint.
+/// Returns whether an entry of limits is of a joint.
 pub fn is_joint(key: &str, joint: &str) -> bool {
     !key.is_empty() && joint.ends_with(key)
 }

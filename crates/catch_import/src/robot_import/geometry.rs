@@ -15,7 +15,7 @@ use catch_recording::bounded_file::FileKind;
 
 /// Shapes of one body at most.
 const MOST_SHAPES: usize = 200;
-/// Whatever is larger is no part of an arm, or in other units.
+/// Greatest extent in metres of a part of an arm: anything larger is no part of one, or in other units.
 const MOST_EXTENT_M: f64 = 3.0;
 /// Capsules are written with so many steps per metre.
 const STEPS_PER_M: f64 = 1e4;
@@ -23,13 +23,13 @@ const STEPS_PER_M: f64 = 1e4;
 /// The shape of a body.
 #[derive(Debug, Clone, Default)]
 pub struct BodyShape {
-    /// Its surface in the body's frame; empty if nothing is known.
+    /// Surface in the body's frame; empty if nothing is known.
     pub surface: TriangleMesh,
-    /// Capsules that hold it.
+    /// Capsules that hold the surface.
     pub capsules: Vec<Capsule>,
-    /// Why they are assumed, if they are.
+    /// Reason why the capsules are assumed, if they are.
     pub assumed: Option<String>,
-    /// What could not be read.
+    /// Faults of shapes that could not be read.
     pub unread: Vec<InputError>,
 }
 
@@ -72,14 +72,14 @@ impl BodyShape {
         Ok(shape)
     }
 
-    /// Whether each triangle of the surface is inside one of the capsules.
+    /// Returns whether each triangle of the surface is inside one of the capsules.
     pub fn is_inside(&self) -> bool {
         self.surface.all_corners().all(|corners| {
             self.capsules.iter().any(|it| corners.iter().all(|corner| it.distance_to_point(corner) <= 0.0))
         })
     }
 
-    /// How far the surface reaches in a direction from the origin of its frame, in metres.
+    /// Extent of the surface in a direction from the origin of its frame, in metres.
     pub fn reach(&self, direction: &Vector3<f64>) -> Option<f64> {
         self.surface.vertices.iter().map(|it| it.coords.dot(direction)).max_by(f64::total_cmp)
     }

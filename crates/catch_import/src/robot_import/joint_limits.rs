@@ -32,7 +32,7 @@ pub struct JointLimitFields {
     pub effort: Option<f64>,
 }
 
-/// What says nothing about a joint's limits.
+/// Names that do not concern a joint's limits.
 const HARMLESS: Harmless =
     &[("", &["default_velocity_scaling_factor", "default_acceleration_scaling_factor", "cartesian_limits"])];
 

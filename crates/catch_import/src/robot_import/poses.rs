@@ -1,4 +1,5 @@
-//! What follows from the whole arm: poses to begin with, which links are compared, torques that suffice.
+//! Properties that follow from the whole arm: poses to begin with, which links are compared, torques that
+//! suffice.
 
 use catch_body::{Gripper, JointVector, Robot, clearance::ArmClearance, robot::Inertia};
 use nalgebra::{Matrix3, Point3, Vector3};
@@ -7,7 +8,7 @@ use rand_pcg::Pcg64;
 
 /// Random poses of each search.
 const POSES: usize = 6_000;
-/// This fraction of random poses has to be clear of the arm itself, as a waiting arm is.
+/// Least fraction of random poses that have to be clear of the arm itself, as a waiting arm is.
 const LEAST_FREE: f64 = 0.15;
 /// An arm that waits keeps this far from itself and from the floor.
 const CLEARANCE_M: f64 = 0.06;
@@ -37,8 +38,8 @@ pub fn ignored_neighbours(robot: &Robot, gripper: &Gripper) -> usize {
     found.unwrap_or(robot.dof())
 }
 
-/// How high the base has to stand so that the first moved link is clear of the floor wherever it turns, in
-/// centimetres rounded up.
+/// Least height of the base with which the first moved link is clear of the floor wherever it rotates, in
+/// metres, rounded up to centimetres.
 pub fn base_height_m(robot: &Robot) -> f64 {
     let lowest = |turned: u32| {
         let mut q = JointVector::zeros();
@@ -88,7 +89,7 @@ fn centred(robot: &Robot, q: &JointVector) -> f64 {
     robot.joints.iter().enumerate().map(of_joint).product()
 }
 
-/// For each joint a torque with which the arm and a gripper can be moved in any pose at the highest
+/// Torques, one for each joint, with which the arm and a gripper can be moved in any pose at the highest
 /// acceleration of all joints.
 pub fn sufficient_torques(robot: &Robot, gripper: &Gripper) -> JointVector {
     let robot = robot.clone().carrying(gripper);

@@ -19,15 +19,15 @@ use catch_body::{
 const DEEPEST: usize = 64;
 /// Nodes of a scene, instances counted each time.
 const MOST_VISITS: usize = 10_000;
-/// What a file should be.
+/// Kind of file that is expected.
 const EXPECTED: &str = "a COLLADA mesh of triangles or polygons";
 /// Numbers of transformations and places.
 const NUMBER: Quantity = Quantity { least: -1e12, most: 1e12, unit: "" };
 /// Metres per unit.
 const METRES: Quantity = Quantity { least: 1e-9, most: 1e9, unit: "m" };
 
-/// What draws, moves or is said about a mesh. Its upward axis changes nothing: descriptions of robots mean
-/// the coordinates as they stand.
+/// Names that draw, move or describe a mesh. Its upward axis changes nothing: descriptions of robots mean the
+/// coordinates as they stand.
 const HARMLESS: Harmless = &[
     (
         "COLLADA",
@@ -108,7 +108,7 @@ pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
             reader.node(node, &Matrix4::new_scaling(metres), 0)?;
         }
     }
-    // What no scene shows is not looked at.
+    // Geometry that no scene shows is not looked at.
     for library in root.children("library_geometries").chain(root.children("library_nodes")) {
         library.children("geometry").chain(library.children("node")).for_each(|it| reader.leave_out_unless_used(it));
     }
@@ -181,13 +181,13 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// What a geometry holds, in its own frame; only vertices that some face has.
+    /// Reads the triangles of a geometry, in its own frame; only vertices that some face has.
     fn geometry(&self, geometry: Node<'a>) -> Result<Soup, InputError> {
         let mut soup = Soup::default();
         let mut positions = HashMap::new();
         for mesh in geometry.children("mesh") {
             for vertices in mesh.children("vertices") {
-                // Where it is used, it is found by its id.
+                // Vertices are found by their id where they are used.
                 for input in vertices.children("input") {
                     let (_, _) = (input.attribute("semantic"), input.attribute("source"));
                 }
@@ -299,7 +299,7 @@ fn read_positions(source: Node) -> Result<Vec<[f64; 3]>, InputError> {
     Ok(rows.filter_map(|it| Some([*it.first()?, *it.get(1)?, *it.get(2)?])).collect())
 }
 
-/// What an element does to the frame of a node; the identity for one that is no transformation.
+/// Transformation of the frame of a node by an element; the identity for one that is no transformation.
 fn transform(node: Node) -> Result<Matrix4<f64>, InputError> {
     Ok(match node.name() {
         "matrix" => Matrix4::from_row_slice(&node.read().numbers::<16>(NUMBER)?),

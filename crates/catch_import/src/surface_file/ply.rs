@@ -11,7 +11,7 @@ const HARMLESS: [&str; 3] = ["edge", "camera", "material"];
 /// A header is no longer.
 const MOST_HEADER_BYTES: usize = 100_000;
 
-/// What a PLY file holds.
+/// Contents of a PLY file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PlyFile {
     /// Places in the unit of the file.
@@ -22,7 +22,7 @@ pub struct PlyFile {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// How numbers are written.
+/// Encoding of numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Encoding {
     Text,
@@ -117,7 +117,7 @@ impl PlyFile {
             for _ in 0..count {
                 let value = numbers.next(property.of)?;
                 if is_surface {
-                    // What is no index is beyond all vertices; a strip ends with −1.
+                    // A value that is no index is beyond all vertices; a strip ends with −1.
                     corners.push(if (0.0..f64::from(u32::MAX)).contains(&value) { value as u32 } else { u32::MAX });
                 }
             }

@@ -12,7 +12,7 @@ use catch_sim::random_streams::{Draws, Stream};
 use nalgebra::{Point3, UnitQuaternion, Vector3, Vector6};
 use std::path::PathBuf;
 
-/// What became of clouds of one object.
+/// Outcomes of the registrations of clouds of one object.
 #[derive(Debug, Default)]
 struct Tally {
     registered: usize,
@@ -136,7 +136,7 @@ fn a_mesh_of_corners_is_a_reference_in_every_format() {
     assert_eq!(cloud_file::parse("corners.ply", text.as_bytes(), false).unwrap().points.len(), 8);
 }
 
-/// Of regular solids, whose principal axes are arbitrary, all rotations are found.
+/// All rotations of regular solids, whose principal axes are arbitrary, are found.
 #[test]
 fn regular_solids_have_the_rotations_of_their_groups() {
     let octahedron =
