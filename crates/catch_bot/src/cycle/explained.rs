@@ -1,8 +1,8 @@
-//! How well objects explain what flies, by one statistic for all of them.
+//! Mismatch between objects and the images of a flight, as one statistic for all objects.
 
 use crate::perception::ObjectPose;
 
-/// What the images of a flight say of one object.
+/// Mismatch between one object and the images of a flight.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Explained {
     points: Mismatches,

@@ -37,7 +37,7 @@ const LEAST_CLEARANCE_M: f64 = 1e-3;
 const SAME_SIDE: f64 = 1.5;
 /// Places of a region that are asked about at most.
 const MOST_LOOKED_AT: usize = 2000;
-/// How far what is known of a place tells of its neighbours.
+/// Distance over which the state of a node is passed on to its neighbours, in metres.
 const SPREAD_M: f64 = 0.01;
 /// Within this distance of the cloud the surface is averaged over neighbours, beyond it the nearest point
 /// suffices.
@@ -58,8 +58,8 @@ impl DistanceField {
         self.fine.at(point).or_else(|| self.coarse.at(point)).unwrap_or_else(|| self.coarse.beyond(point))
     }
 
-    /// The same distance by the coarse nodes alone, which are few enough to be at hand: to tell places apart
-    /// that are far from each other.
+    /// Distance by the coarse nodes alone, which are few enough to stay in the cache: for coarse decisions
+    /// about points that are far from each other.
     pub(super) fn about_m(&self, point: &Point3<f64>) -> f64 {
         self.coarse.at(point).unwrap_or_else(|| self.coarse.beyond(point)).0
     }
@@ -81,7 +81,7 @@ impl DistanceField {
         self.coarse.lowest += offset;
     }
 
-    /// How deep the deepest node inside lies below the surface, in metres.
+    /// Depth of the deepest node below the surface, in metres.
     pub(super) fn deepest_m(&self) -> f64 {
         self.fine.values.iter().map(|node| -f64::from(node[0])).fold(0.0, f64::max)
     }
@@ -97,7 +97,7 @@ impl DistanceField {
     }
 }
 
-/// Whether a value is that of a node inside, as far as the nearest points can tell.
+/// Returns whether a value is that of a node inside, as far as the nearest points show it.
 fn is_inside(value: f32) -> bool {
     f64::from(value) < -LEAST_CLEARANCE_M
 }
@@ -107,7 +107,7 @@ fn is_inside(value: f32) -> bool {
 struct Grid {
     lowest: Point3<f64>,
     spacing_m: f64,
-    /// Its inverse.
+    /// Inverse of the spacing, in 1/m.
     per_m: f64,
     nodes: [usize; 3],
     /// Value and its change from node to node along each axis, in metres: all four are wanted together, and
@@ -151,7 +151,7 @@ impl Grid {
         self.values = with_changes.collect();
     }
 
-    /// As [`DistanceField::clear`].
+    /// Marks free nodes of this grid as outside, as [`DistanceField::clear`] does.
     fn clear(&mut self, is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>) {
         let mut values: Vec<f32> = self.values.iter().map(|node| node[0]).collect();
         let mut is_seen = vec![false; values.len()];
@@ -307,7 +307,7 @@ impl Grid {
     }
 }
 
-/// What lies between two nodes that are neighbours along the axis whose change is number `AXIS`.
+/// Interpolates between two nodes that are neighbours along the axis whose change is number `AXIS`.
 #[inline(always)]
 fn blend<const AXIS: usize>(a: &[f32; 4], b: &[f32; 4], t: f32) -> [f32; 4] {
     let mut between =
@@ -378,7 +378,7 @@ impl OrientedPoints<'_> {
         1.5 * self.smoothing_m
     }
 
-    /// Whether two points lie on one smooth surface.
+    /// Returns whether two points lie on one smooth surface.
     pub fn is_smooth(&self, i: usize, j: usize) -> bool {
         let (n_i, n_j) = (self.normals[i], self.normals[j]);
         let way = self.points[j] - self.points[i];
