@@ -27,16 +27,16 @@ pub struct Config {
     pub perception: perception::Config,
     /// From poses to a flight.
     pub trajectory_prediction: trajectory_prediction::Config,
-    /// Where and how to hold the object.
+    /// From a flight to grasps of the object.
     pub grasp_selection: grasp_selection::Config,
-    /// How the arm gets there.
+    /// From a grasp to the arm's motion.
     pub trajectory_optimization: trajectory_optimization::Config,
     /// Commands and their timing.
     pub control: control::Config,
 }
 
 impl Config {
-    /// Whether every setting is within the range that it has in files.
+    /// Checks that every setting is within the range that it has in files.
     ///
     /// # Errors
     /// Those that are not.
@@ -45,9 +45,9 @@ impl Config {
         InputError::check_settings("settings of the brain", &Self { seed: 0, ..self.clone() })
     }
 
-    /// These settings with what is known beforehand wherever they say nothing themselves: of the object, how
-    /// much the air brakes it, how it bounces, what it weighs and where its centre of mass may be; of the
-    /// cameras, what their data sheets say. Where these differ, the worst counts.
+    /// Completes these settings by prior knowledge wherever they are not set: of the object, its drag, its
+    /// restitution, its mass and the uncertainty of its centre of mass; of the cameras, their data sheets.
+    /// Where these differ, the worst counts.
     #[must_use]
     pub fn given(mut self, object: &ObjectFigures, cameras: &[CameraModel]) -> Self {
         let prediction = &mut self.trajectory_prediction;
@@ -80,8 +80,9 @@ impl Config {
     }
 }
 
-/// What is worked out before anything flies, once for any number of throws: the object's model from its scan,
-/// its grasp candidates, the planner for the arm, and what the cameras see of the arm while it waits.
+/// Models and tables that are prepared before anything flies, once for any number of throws: the object's
+/// model from its scan, its grasp candidates, the planner for the arm, and the cameras' view of the waiting
+/// arm.
 #[derive(Debug)]
 pub struct Preparation {
     config: Config,
@@ -141,12 +142,12 @@ impl Preparation {
         &self.reference
     }
 
-    /// Its grasp candidates.
+    /// Grasp candidates of the object.
     pub fn grasps(&self) -> &Arc<GraspSet> {
         &self.grasps
     }
 
-    /// What finds catches and moves the arm to them.
+    /// Search for catches and for the arm's motions to them.
     pub fn search(&self) -> &Arc<CatchSearch> {
         &self.search
     }

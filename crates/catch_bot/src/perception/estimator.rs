@@ -74,7 +74,7 @@ impl SdfEstimator {
         Self { finder: ObjectFinder::new(config, reference, workspace), half_turns, turned_over: None }
     }
 
-    /// What was found in the last images.
+    /// Scene points of the last images.
     pub fn scene(&self) -> &SceneCloud {
         &self.finder.workspace.scene
     }
@@ -122,7 +122,8 @@ impl PoseEstimator for SdfEstimator {
     }
 }
 
-/// Where depths are configured to be noisy silhouettes are needed; else a registration without them tells.
+/// Registers near a predicted pose. Silhouettes are used where depths are configured to be noisy; else the
+/// residual of a registration without them decides.
 fn register_near(
     registration: &Registration<'_>,
     view: &View<'_>,
@@ -140,11 +141,11 @@ fn register_near(
     if scene.silhouette.is_empty() { fit } else { registration.register(scene, X_WO, true) }
 }
 
-/// Where a tracked pose explains the silhouette worse than this, the mean square of its rays' residuals in
-/// standard deviations, the object is registered from all around. Right poses have 0.5 to 2, wrong ones 3 to
-/// 7.
+/// Largest mean square of the silhouette rays' residuals of a tracked pose, in standard deviations: beyond it
+/// the object is registered from all around. Right poses have 0.5 to 2, wrong ones 3 to 7.
 const MAX_MISMATCH: f64 = 3.0;
-/// How far from the predicted position the object's pixels are looked for, in metres, beside its own size.
+/// Distance from the predicted position within which the object's pixels are searched, in metres, beside its
+/// own size.
 pub const GATE_M: f64 = 0.05;
 
 /// A pose explains images much better than another if its mismatch is less than this fraction.
@@ -155,7 +156,8 @@ const MUCH_BETTER: f64 = 0.6;
 #[derive(Debug, Clone)]
 pub struct ObjectFinder {
     config: Config,
-    /// How far from where the object is expected its pixels are looked for, in metres, beside its own size.
+    /// Distance from the expected position within which the object's pixels are searched, in metres, beside
+    /// its own size.
     gate_m: f64,
     reference: Arc<ReferenceModel>,
     workspace: Workspace,
@@ -170,7 +172,8 @@ impl ObjectFinder {
         Self { config, gate_m: GATE_M, reference, workspace }
     }
 
-    /// The same that looks for the object's pixels as far from the predicted position as this.
+    /// Sets the distance from the predicted position within which the object's pixels are searched, in
+    /// metres.
     #[must_use]
     pub fn with_gate_m(self, gate_m: f64) -> Self {
         Self { gate_m, ..self }

@@ -51,12 +51,12 @@ impl RotationGroup {
         }
     }
 
-    /// Its rotations but the identity.
+    /// Rotations of the group but the identity.
     pub fn rotations(&self) -> &[UnitQuaternion<f64>] {
         &self.rotations[..self.count]
     }
 
-    /// How many rotations it has, with the identity.
+    /// Number of rotations of the group, with the identity.
     pub fn order(&self) -> usize {
         self.count + 1
     }
@@ -79,7 +79,7 @@ pub enum Symmetry {
     Axis {
         /// The axis in O.
         axis: Unit<Vector3<f64>>,
-        /// Whether the object also looks the same with the axis reversed.
+        /// True if the object also looks the same with the axis reversed.
         reversible: bool,
         /// Moment of inertia about the axis, divided by that across it. The axis turns about the angular
         /// momentum at ω_⊥ + this·ω_∥.
@@ -107,7 +107,7 @@ const DIRECTIONS: u32 = 400;
 const MOST_AXES: usize = 7;
 /// Axes nearer than this, in radians, are one: those of a cube are 0.6 apart or more.
 const APART: f64 = 0.3;
-/// How exactly an axis is found, in radians.
+/// Resolution to which an axis is found, in radians.
 const FINEST_STEP: f64 = 2e-3;
 /// Angles that a turn is tried by: none divides a full turn, so prisms are not taken for cylinders.
 const TRIAL_ANGLES: [f64; 5] = [0.4, 0.9, 1.7, 2.3, 3.0];

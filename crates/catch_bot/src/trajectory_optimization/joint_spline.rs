@@ -43,7 +43,8 @@ pub struct JointSpline {
     pub knots: Vec<f64>,
     points: usize,
     ends: Ends,
-    /// What has bounds and does not depend on the free variables, and what does, with its rows over them.
+    /// Bounded quantities that do not depend on the free variables, and those that do, with their rows over
+    /// them.
     given: Vec<Bounded>,
     bounded: Vec<Bounded>,
     rows: Vec<Row>,

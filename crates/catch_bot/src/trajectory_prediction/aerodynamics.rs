@@ -1,12 +1,12 @@
-//! What is found of an object along with its flight: drag by direction, a force across the flight, and its
-//! centre of mass.
+//! Estimation of an object's aerodynamics along with its flight: drag by direction, a force across the
+//! flight, and its centre of mass.
 //!
 //! a = g − k·|v|·v + f with f = −|v|·R·E·Rᵀ·v + (c_M·ω + s)×v: E is symmetric, without trace and fixed to the
-//! object, and has the symmetry that the object looks to have; c_M is the Magnus coefficient, and s that
-//! times the part of the spin that cannot be seen, about the axis of a body of revolution or about any of a
-//! ball. What flies so is the centre of mass, at c in O (on the axis of a body of revolution). The
-//! orientations of the poses are taken as they are, and velocities and angular velocities as fitted before,
-//! so that position, velocity, k, E, c_M, s and c follow from one linear problem with Gaussian priors.
+//! object, and has the symmetry of its shape; c_M is the Magnus coefficient, and s that times the part of the
+//! spin that cannot be seen, about the axis of a body of revolution or about any of a ball. This is the
+//! motion of the centre of mass, at c in O (on the axis of a body of revolution). The orientations of the
+//! poses are taken as they are, and velocities and angular velocities as fitted before, so that position,
+//! velocity, k, E, c_M, s and c follow from one linear problem with Gaussian priors.
 
 use catch_body::{dynamics::gravity, quantity};
 use nalgebra::{Cholesky, Const, Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
@@ -19,7 +19,7 @@ use super::{
 };
 use crate::perception::{ObjectPose, Symmetry};
 
-/// What is expected of the forces. Zero by default: there are none.
+/// Prior of the forces. Zero by default: there are none.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AerodynamicPrior {
@@ -30,7 +30,7 @@ pub struct AerodynamicPrior {
     /// Magnus coefficient c_M that is expected.
     #[serde(deserialize_with = "quantity::magnus")]
     pub magnus: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the Magnus coefficient.
     #[serde(deserialize_with = "quantity::magnus")]
     pub magnus_sd: f64,
     /// Standard deviation of each component of s, in rad/s. Where no Magnus coefficient is expected, s is the
@@ -40,13 +40,13 @@ pub struct AerodynamicPrior {
     /// Decay c of the spin that is expected, ω̇ = −c·ω, in 1/s.
     #[serde(deserialize_with = "quantity::decay_per_s")]
     pub spin_decay_per_s: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the spin's decay, in 1/s.
     #[serde(deserialize_with = "quantity::decay_per_s")]
     pub spin_decay_sd_per_s: f64,
 }
 
 impl AerodynamicPrior {
-    /// Whether any forces are expected.
+    /// Returns whether any forces are expected.
     pub fn any(&self) -> bool {
         self.drag_deviation_sd_per_m > 0.0 || self.magnus > 0.0 || self.magnus_sd > 0.0 || self.lift_sd_radps > 0.0
     }
@@ -61,10 +61,10 @@ const DEVIATION: usize = 7;
 const LIFT: usize = DEVIATION + E;
 const MAGNUS: usize = LIFT + 3;
 const COM: usize = MAGNUS + 1;
-/// Those on which accelerations depend.
+/// Number of the parameters on which accelerations depend.
 const FORCES: usize = COM - DRAG;
-/// How much less of E is expected beside the principal axes of inertia than along them: where shape and mass
-/// have planes of symmetry, there is none.
+/// Ratio of E's standard deviation beside the principal axes of inertia to that along them: where shape and
+/// mass have planes of symmetry, there is none.
 const ACROSS: f64 = 0.2;
 /// Passes of reweighting, and the error in scaled standard deviations at which a weight has fallen to a
 /// quarter.
@@ -105,7 +105,7 @@ fn centres(symmetry: &Symmetry) -> Matrix3<f64> {
     }
 }
 
-/// How s depends on its parameters, at an orientation of the object.
+/// Dependence of s on its parameters, at an orientation of the object.
 #[derive(Debug, Clone, Copy)]
 enum UnseenSpin {
     /// Fixed in W: the parameters are its components.
@@ -129,13 +129,13 @@ impl UnseenSpin {
     }
 }
 
-/// Which parameters an object has, by its symmetry.
+/// Model of an object's parameters, by its symmetry.
 struct Model<'a> {
     config: &'a Config,
     basis: [Matrix3<f64>; E],
     centres: Matrix3<f64>,
     unseen: UnseenSpin,
-    /// Whether the spin that is seen may make lift.
+    /// True if the spin that is seen may cause lift.
     has_lift: bool,
 }
 
@@ -204,7 +204,7 @@ impl<'a> Model<'a> {
         newest
     }
 
-    /// What is expected of the parameters, and the information that this is.
+    /// Prior mean of the parameters, and their prior information.
     fn prior(&self) -> (Parameters, Parameters) {
         let AerodynamicPrior { drag_deviation_sd_per_m, magnus, magnus_sd, lift_sd_radps, .. } =
             self.config.aerodynamics;

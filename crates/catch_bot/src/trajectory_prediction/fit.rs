@@ -81,13 +81,13 @@ struct Problem<'a> {
     newest_s: f64,
     symmetry: &'a Symmetry,
     inertia: Option<Matrix3<f64>>,
-    /// Those of the flight from which the fit starts.
+    /// Forces of the flight from which the fit starts.
     forces: AerodynamicForces,
     freedom: f64,
     config: &'a Config,
 }
 
-/// What is known of a fitted flight.
+/// Statistics of a fitted flight.
 struct Conclusion {
     covariance: SMatrix<f64, N, N>,
     error_scale: f64,
@@ -95,7 +95,7 @@ struct Conclusion {
 }
 
 impl Problem<'_> {
-    /// Whether orientations are seen.
+    /// Returns whether the object's orientation can be seen.
     fn turns(&self) -> bool {
         !matches!(self.symmetry, Symmetry::Sphere)
     }

@@ -1,4 +1,4 @@
-//! When fingers touch.
+//! Time of the finger contact.
 
 use catch_bot::grasp_selection::Config;
 use nalgebra::Vector3;

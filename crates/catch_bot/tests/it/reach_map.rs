@@ -1,4 +1,4 @@
-//! What a map of an arm's reach tells, against poses that are known to be reached.
+//! Check of an arm's reach map against poses that are known to be reached.
 
 use catch_body::{JointVector, Robot, robot_file::RobotFiles};
 use catch_bot::trajectory_optimization::{

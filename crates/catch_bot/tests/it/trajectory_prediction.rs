@@ -30,8 +30,8 @@ fn throw(normal: &mut Normal, spin_radps: f64, drag_per_m: f64, symmetry: &Symme
     }
 }
 
-/// What is seen of a throw in `count` frames at 100 Hz, with the given standard deviations; a fraction of the
-/// frames is shifted by 5 to 20 cm.
+/// Poses observed of a throw in `count` frames at 100 Hz, with the given standard deviations; a fraction of
+/// the frames is shifted by 5 to 20 cm.
 fn seen(
     throw: &FlightTrajectory,
     count: usize,
@@ -330,7 +330,7 @@ fn a_centre_of_mass_that_is_elsewhere_is_found_in_flight() {
     }
 }
 
-/// Where nothing spins the centre of mass cannot be seen, and nothing is lost by not knowing it.
+/// Without spin the centre of mass cannot be seen, and nothing is lost by not knowing it.
 #[test]
 fn without_spin_an_unknown_centre_of_mass_costs_nothing() {
     let config = Config { com_sd_m: Some(5e-3), spin_prior_sd_radps: 8.3, ..Config::default() };

@@ -77,7 +77,7 @@ impl Scene<'_> {
     }
 }
 
-/// Where the object is, and what is seen besides.
+/// Position of the object and the conditions under which it is seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Case {
     noise: Noise,

@@ -1,15 +1,15 @@
-//! What is given at the ends of a joint's motion.
+//! Conditions at the ends of a joint's motion.
 
-/// Which ends of a spline are given, and so which of its control points are free.
+/// Ends of a spline that are given, which determine its free control points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ends {
-    /// Whether the acceleration at the start is given, not only position and velocity.
+    /// True if the acceleration at the start is given, not only position and velocity.
     pub start_acceleration: bool,
-    /// What is given at the end.
+    /// Kind of the condition at the end.
     pub end: EndKind,
 }
 
-/// What is given at the end of a spline.
+/// Kind of the condition at the end of a spline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EndKind {
     /// Position and velocity.
@@ -20,7 +20,7 @@ pub enum EndKind {
     Rest,
 }
 
-/// What the end of the spline must fulfil.
+/// Condition at the end of the spline.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum End {
     /// Position and velocity are given, acceleration within bounds.
@@ -42,14 +42,14 @@ pub enum End {
         sign: f64,
         /// Highest speed shortly before, in rad/s.
         last_speed: f64,
-        /// What comes after.
+        /// Continuation after the end.
         onset: Option<Onset>,
     },
     /// At rest anywhere, with acceleration zero.
     Rest,
 }
 
-/// How a motion goes on: q̇ + q̈·`duration_s` must keep within ± `velocity`.
+/// Condition on the continuation of a motion: q̇ + q̈·`duration_s` must keep within ± `velocity`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Onset {
     /// Seconds.

@@ -18,7 +18,7 @@ const SAMPLES: usize = 10_000;
 /// Exponent that spreads the samples over time: the later, the more poses there are to be found.
 const SPREAD: f64 = 0.4;
 
-/// What has been found so far.
+/// Earliest times found so far.
 #[derive(Debug, Clone)]
 pub struct ReachSamples<'a> {
     robot: &'a Robot,
@@ -62,7 +62,7 @@ impl<'a> ReachSamples<'a> {
         }
     }
 
-    /// What either has found.
+    /// Combines the results of both: the earlier time of each pose.
     pub fn merged(mut self, other: &Self) -> Self {
         least(&mut self.times, &other.times);
         self

@@ -26,18 +26,18 @@ use crate::{
     trajectory_prediction::{FlightPropagator, LocalFlight},
 };
 
-/// What a pass chooses from, and how closely it has looked.
+/// State of a search pass: its candidates, and how far each has been evaluated.
 pub struct Pass<'a, 's> {
     planner: &'a CatchSearch,
     search: &'s mut Search<'a>,
-    /// Whether nothing is left out for the reach map's sake, and postures are sought from all starts.
+    /// True if nothing is left out because of the reach map, and postures are sought from all starts.
     is_thorough: bool,
     samples: Vec<CatchTimeSample>,
     candidates: Vec<Candidate>,
     frontier: Frontier,
-    /// How often each grasp has failed, at any time.
+    /// Number of failures of each grasp, at any time.
     failures: Vec<usize>,
-    /// What came nearest to a catch.
+    /// Failure that came nearest to a catch.
     failure: PlanningFailure,
 }
 
@@ -278,7 +278,7 @@ impl<'a, 's> Pass<'a, 's> {
         self.candidates.push(Candidate::new(sample, ranked, margin_cost));
     }
 
-    /// What can be reached by a catch time.
+    /// Reachable sets and flight at a catch time.
     fn sample(&self, propagator: &mut FlightPropagator, catch_s: f64) -> CatchTimeSample {
         let (motion, start) = (&self.planner.motion, self.search.start);
         let joints = motion.reaches(start, catch_s - start.time_s, motion.moving_scaling());

@@ -58,7 +58,7 @@ impl Problem<'_> {
         sums
     }
 
-    /// What the noise between two ages leaves of what the poses till then tell.
+    /// Reduces the information of the poses up to here by the process noise between two ages.
     fn lose_to_noise<const M: usize>(
         &self,
         sums: &mut Sums,
