@@ -52,7 +52,7 @@ impl PaperPlanner {
     }
 }
 
-/// Where a motion starts: in what the arm is commanded, or where the arm is.
+/// Start of a motion: the commanded state of the arm, or the sensed one.
 fn start(situation: &Situation<'_>, config: &motion::Config) -> Start {
     let Start { time_s, state } = situation.start;
     let (q, dq) = situation.sensed;

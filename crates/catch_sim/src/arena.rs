@@ -53,7 +53,7 @@ pub struct Arena {
     under_way: Vec<(f64, Command)>,
     steps: u64,
     has_sensed: bool,
-    /// Whether the sensor in the gripper has seen the object.
+    /// True if the sensor in the gripper has seen the object.
     has_triggered: bool,
     /// The recorded flight along which the untouched object moves, and when it was released.
     path: Option<(Arc<RecordedFlight>, f64)>,
@@ -115,7 +115,7 @@ impl Arena {
         arena
     }
 
-    /// What was drawn for arm, gripper and cameras.
+    /// Drawn conditions of arm, gripper and cameras.
     fn cell_conditions(&self) -> CellConditions {
         let Conditions { link_mass_ratio, X_MG, .. } = &self.conditions;
         CellConditions {
@@ -127,7 +127,8 @@ impl Arena {
         }
     }
 
-    /// What the object that has just been released is in contact with, or overlaps: nothing that is thrown.
+    /// Name of the part that the object touches or overlaps just after its release: such an object is not
+    /// thrown.
     pub fn released_in_contact_with(&self) -> Option<&'static str> {
         self.world.nearest_to_object().filter(|(_, gap_m)| *gap_m < RELEASE_GAP_M).map(|(part, _)| part)
     }
@@ -136,12 +137,12 @@ impl Arena {
         &self.equipment.shared.config
     }
 
-    /// What really happened so far. No brain may see it.
+    /// Ground truth so far. No brain may see it.
     pub fn truth(&self) -> &Truth {
         &self.truth
     }
 
-    /// What really happened since the last call, or since the beginning. The world stops shaking.
+    /// Takes the ground truth since the last call, or since the beginning. The world stops shaking.
     pub fn take_truth(&mut self) -> Truth {
         self.update_report();
         self.servo.take_report();
@@ -260,7 +261,7 @@ impl Arena {
         -normal_W * (rate.signum() * most.min(stopping))
     }
 
-    /// Where the links are. What stands for the last one carries the gripper where it truly is: its outline
+    /// Poses of the links. That of the last one carries the gripper where it truly is: its collision geometry
     /// and its surface are those of the model.
     fn link_poses(&self, q: &JointVector) -> LinkPoses {
         let model = &self.equipment.shared.robot;
@@ -359,7 +360,7 @@ impl Arena {
 }
 
 impl Cell for Arena {
-    /// Where the physics diverges, everything stands still from then on; the truth tells.
+    /// No errors: if the physics diverges, everything stands still from then on, and the truth reports it.
     type Error = Infallible;
 
     fn sense(&mut self) -> Result<Observation, Infallible> {

@@ -44,7 +44,7 @@ impl Drawn {
         }
     }
 
-    /// Whether this can be a friction coefficient.
+    /// Checks that this can be a friction coefficient.
     ///
     /// # Errors
     /// If it cannot.
@@ -52,7 +52,7 @@ impl Drawn {
         self.check(&quantity::FRICTION, file, field)
     }
 
-    /// Whether this is within a range.
+    /// Checks that this is within a range.
     ///
     /// # Errors
     /// If it is not, or if its ends are swapped.

@@ -74,7 +74,7 @@ pub fn coasted(object: &ThrownObject, (X_WO, V_WO): (&Pose, &Twist), duration_s:
     carried((&X_WC, &V_WC), &-com_O)
 }
 
-/// What the air does to an object during a step, by its state in the middle of it.
+/// Aerodynamic acceleration and torque on an object during one time step, by its state in the middle of it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Air {
     /// Velocity of the centre of mass in the middle of the step.

@@ -28,9 +28,9 @@ pub struct Servo {
     executor: Executor,
     /// The arm that it takes the arm for, if that is another.
     other_model: Option<Robot>,
-    /// What the integral of the errors of the joints' positions asks for, in rad/s².
+    /// Acceleration from the integral of the joints' position errors, in rad/s².
     error_integral: JointVector,
-    /// What the joints were last asked for, in rad/s².
+    /// Acceleration that was last demanded of the joints, in rad/s².
     asked_radps2: JointVector,
     /// Excursions that last: entries of the report by limit and joint.
     excursions: HashMap<(LimitKind, usize), usize>,
@@ -61,12 +61,12 @@ impl Servo {
         }
     }
 
-    /// What was noticed so far.
+    /// Report of the controller so far.
     pub fn report(&self) -> &ServoReport {
         &self.report
     }
 
-    /// What was noticed since the last call, or since the beginning.
+    /// Takes the report since the last call, or since the beginning.
     pub fn take_report(&mut self) -> ServoReport {
         self.excursions.clear();
         std::mem::take(&mut self.report)

@@ -1,4 +1,4 @@
-//! What the cameras see, against closed forms and against themselves.
+//! Tests of the cameras' images, against closed forms and against themselves.
 
 mod measured;
 mod near_rigs;

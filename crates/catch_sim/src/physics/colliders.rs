@@ -1,4 +1,4 @@
-//! What can touch what, and where it does.
+//! Colliders: the pairs that can touch, and their contact points.
 
 use catch_body::{
     Gripper, Pose, Robot, Twist,
@@ -25,7 +25,7 @@ const MARGIN_M: f64 = 1e-3;
 /// Points of a pair that are closer than this are one, in metres.
 const SAME_POINT_M: f64 = 1e-4;
 
-/// What a collider moves with.
+/// Body to which a collider is fixed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Body {
     /// The world, or the base of the arm.
@@ -65,7 +65,7 @@ struct Pair {
 /// A point at which two bodies touch, or may in the step to come.
 #[derive(Debug, Clone)]
 pub(super) struct Touch {
-    /// What pushes.
+    /// Part that pushes.
     pub part: Part,
     pub pushing: Body,
     pub pushed: Body,
@@ -88,7 +88,7 @@ impl Touch {
     }
 }
 
-/// Where the bodies are, and how they move.
+/// Poses and velocities of the bodies.
 pub(super) struct Bodies {
     pub X_WL: [Pose; COORDINATES + 1],
     pub motions: [Spatial; COORDINATES + 1],
@@ -120,7 +120,7 @@ impl Bodies {
         if body == Body::Fixed { 0.0 } else { linear.norm() + angular.norm() * radius_m }
     }
 
-    /// How fast two bodies move against each other at a touch.
+    /// Relative speed of two bodies at a contact, in m/s.
     pub fn relative_mps(&self, touch: &Touch) -> f64 {
         let velocity = |body: Body| self.velocities(body, &touch.point)[1];
         (velocity(touch.pushed) - velocity(touch.pushing)).norm()
@@ -267,7 +267,7 @@ impl Colliders {
         self.pairs[pair].manifold.points[point].data = load;
     }
 
-    /// What is nearest to the object, and its distance in metres: zero where they touch or overlap.
+    /// Part that is nearest to the object, and its distance in metres: zero where they touch or overlap.
     pub fn nearest_to_object(&self, bodies: &Bodies) -> Option<(&'static str, f64)> {
         let with_object = self.pairs.iter().filter(|it| self.colliders[it.pushed].body == Body::Object);
         let gaps = with_object.map(|pair| {

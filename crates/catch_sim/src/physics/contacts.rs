@@ -32,7 +32,7 @@ pub(super) struct Velocities {
     pub angular: Vector3<f64>,
 }
 
-/// How the bodies answer to impulses.
+/// Mass properties by which the bodies respond to impulses.
 pub(super) struct Masses<'a> {
     pub machine: &'a Machine,
     pub posture: &'a Posture,
@@ -145,9 +145,9 @@ struct Unilateral {
     row: Row,
     gap_m: f64,
     spring: Spring,
-    /// Whether the spring is that of the object, and not a means against overlaps of what is hard.
+    /// True if the spring is that of the object, and not a means against overlaps of hard bodies.
     is_soft: bool,
-    /// Whether what bore nothing may meet in the solver's step.
+    /// True if a contact that bore nothing may close in the solver's step.
     meets: bool,
     /// In a solver's step, and in all of them.
     impulse_ns: f64,
@@ -208,12 +208,12 @@ impl Contact {
         self.normal.total_ns
     }
 
-    /// Whether it bore something in the step, and nothing in the one before.
+    /// Returns whether the contact bore a load in the step, and none in the one before.
     pub fn is_new(&self) -> bool {
         self.normal.total_ns > 0.0 && self.touch.load.normal_n == 0.0
     }
 
-    /// What the next step begins with; `step_s` is the solver's.
+    /// Load with which the next step begins; `step_s` is the solver's.
     pub fn load(&self, step_s: f64) -> Load {
         let [one, other] = self.touch.across();
         let friction_ns = one * self.friction_ns[0] + other * self.friction_ns[1];

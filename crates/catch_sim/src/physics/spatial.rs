@@ -36,7 +36,7 @@ impl Spatial {
         }
     }
 
-    /// The same of a force.
+    /// Rate of change of a force that is carried along by this motion.
     pub fn cross_force(&self, force: &Self) -> Self {
         Self {
             angular: self.angular.cross(&force.angular) + self.linear.cross(&force.linear),
