@@ -31,7 +31,7 @@ const MAX_FLIGHT_MPS: f64 = 30.0;
 const MAX_GAP_S: f64 = 0.1;
 /// An object that has been followed for so long without a plan is not caught any more, in seconds.
 const GIVE_UP_S: f64 = 1.5;
-/// From the catch on: how long the fingers are given to close upon the object, in seconds.
+/// Time from the catch on for the fingers to close upon the object, in seconds.
 const SQUEEZE_S: f64 = 0.3;
 /// Time for the gripper to open and the object to fall out of it, in seconds.
 const RELEASE_S: f64 = 0.5;
@@ -42,7 +42,7 @@ const MIN_HELD_FRACTION: f64 = 0.5;
 const MAX_SENT: usize = 20;
 /// Time by which a motion may be overdue before it is sent anew, in seconds.
 const MAX_OVERDUE_S: f64 = 0.05;
-/// Two images less than this apart tell no speed, in seconds.
+/// Least time between two images that determine a speed, in seconds.
 const LEAST_SPAN_S: f64 = 0.005;
 
 /// Phase of the catching cycle.
@@ -105,11 +105,11 @@ pub struct CatchingCycle<E, P, C> {
 }
 
 impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, C> {
-    /// For objects that are known by their brains, which must be of the same arm, gripper and cameras. What
-    /// was caught is put down at the joint positions `place_q`, in radians.
+    /// Creates the cycle for objects by their brains, which must be of the same arm, gripper and cameras. A
+    /// caught object is put down at the joint positions `place_q`, in radians.
     ///
     /// # Errors
-    /// A setting that is out of its range.
+    /// If a setting is out of its range.
     ///
     /// # Panics
     /// Without any object.
@@ -305,9 +305,9 @@ fn is_held(gripper: &GripperState, plan: &CatchPlan) -> bool {
 
 /// Progress of a motion.
 enum Progress {
-    /// On its way.
+    /// The motion is on its way.
     Going(Command),
-    /// There.
+    /// The motion has arrived.
     Arrived,
     /// No motion keeps all limits and clearances.
     NoWay,

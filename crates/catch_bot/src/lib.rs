@@ -81,9 +81,9 @@ pub struct Report {
 /// matrix that could not be factorized.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct NumericalFailures {
-    /// In trajectory prediction.
+    /// Failures in trajectory prediction.
     pub prediction: u32,
-    /// In grasp selection and trajectory optimization.
+    /// Failures in grasp selection and trajectory optimization.
     pub planning: u32,
 }
 

@@ -23,13 +23,13 @@ use crate::{
 pub struct Config {
     /// Seed of everything that is drawn at random.
     pub seed: u64,
-    /// From images to the object's pose.
+    /// Settings of perception: from images to the object's pose.
     pub perception: perception::Config,
-    /// From poses to a flight.
+    /// Settings of trajectory prediction: from poses to a flight.
     pub trajectory_prediction: trajectory_prediction::Config,
-    /// From a flight to grasps of the object.
+    /// Settings of grasp selection: from a flight to grasps of the object.
     pub grasp_selection: grasp_selection::Config,
-    /// From a grasp to the arm's motion.
+    /// Settings of trajectory optimization: from a grasp to the arm's motion.
     pub trajectory_optimization: trajectory_optimization::Config,
     /// Commands and their timing.
     pub control: control::Config,
@@ -39,7 +39,7 @@ impl Config {
     /// Checks that every setting is within the range that it has in files.
     ///
     /// # Errors
-    /// Those that are not.
+    /// If a setting is out of its range.
     pub fn check(&self) -> Result<(), InputError> {
         // Seeds have no range, and files no numbers that large.
         InputError::check_settings("settings of the brain", &Self { seed: 0, ..self.clone() })
@@ -97,7 +97,8 @@ pub struct Preparation {
 }
 
 impl Preparation {
-    /// For an arm with a gripper, cameras at known places, and an object known from a scan.
+    /// Prepares catches with an arm and its gripper, cameras at known poses, and an object that is known from
+    /// a scan.
     ///
     /// The arm is expected to wait at [`Robot::ready_q`] with its gripper open; if it waits elsewhere, the
     /// first images take longer. `reach_map` is that of this arm and pose, if it is

@@ -40,11 +40,11 @@ pub(crate) struct Tracker {
     alignment: CameraAlignment,
     /// Faults of the cameras.
     health: CameraHealth,
-    /// Oldest first.
+    /// Readings of the encoders, oldest first.
     sensed: VecDeque<Sensed>,
     /// Times of the newest observation with images and of the one before.
     imaged_s: [Option<f64>; 2],
-    /// Oldest first.
+    /// Poses of the object, oldest first.
     poses: Vec<ObjectPose>,
     /// True if single images are also registered by themselves: for operation over many throws, which reveal
     /// displaced cameras.
@@ -198,7 +198,7 @@ impl Tracker {
     }
 
     /// Expected pose of the object: on the last flight, or, before there is one, the last measured pose. The
-    /// latter keeps an object that looks the same from two sides from turning over between the first images.
+    /// latter keeps an object that looks the same from two sides from flipping between the first images.
     fn expected_pose(&self, flight: Option<&FlightTrajectory>, time_s: f64) -> Option<Pose> {
         flight.map(|flight| flight.pose_at(time_s)).or_else(|| self.poses.last().map(|pose| pose.X_WO))
     }

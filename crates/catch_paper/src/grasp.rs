@@ -37,8 +37,8 @@ const SAMPLES: usize = 2000;
 const DARBOUX_RADIUS_M: f64 = 0.002;
 /// The gripper's origin is this far from the surface, in metres.
 const STANDOFF_M: f64 = 0.05;
-/// Distance of the gripper's origin from the surface of the banana, in metres. The code knows it by its name;
-/// here what is longer than [`LONG_RADIUS_M`] counts as one.
+/// Distance of the gripper's origin from the surface of the banana, in metres. The code recognizes the banana
+/// by its name; here an object longer than [`LONG_RADIUS_M`] counts as one.
 const LONG_STANDOFF_M: f64 = 0.04;
 /// Distance of the farthest point from the centre of mass, in metres, beyond which an object counts as long.
 const LONG_RADIUS_M: f64 = 0.06;

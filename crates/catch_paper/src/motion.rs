@@ -44,7 +44,7 @@ pub struct Config {
     /// comfortable pose.
     pub goes_on: bool,
     /// True if motions that break acceleration limits or collide are carried out. Neither text nor code has
-    /// acceleration limits in its programs or checks motions; by default they are.
+    /// acceleration limits in its programs or checks motions; by default both are enforced.
     pub unchecked: bool,
     /// True if a program that could not be solved is carried out, and is the guess of the next one.
     pub keeps_unsolved: bool,
@@ -245,8 +245,8 @@ fn inverse_kinematics(planner: &MotionPlanner, X_WG: &Pose, config: &Config) -> 
     solution(X_WG)
 }
 
-/// Both poses of the gripper, before the grasp and at it, and the velocities there; that of the last link at
-/// the start if joints are free there.
+/// Problem of a motion with both poses of the gripper, before the grasp and at it, and the velocities there;
+/// also with that of the last link at the start if joints are free there.
 fn problem<'a>(
     planner: &'a MotionPlanner,
     start: &Start,

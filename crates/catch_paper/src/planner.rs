@@ -25,7 +25,7 @@ pub struct PaperPlanner {
 }
 
 impl PaperPlanner {
-    /// For the arm and the object of a preparation; grasps are drawn by `seed`.
+    /// Creates the planner for the arm and the object of a preparation; grasps are drawn by `seed`.
     pub fn new(config: Config, known: &Preparation, seed: u64) -> Self {
         Self { config, reference: known.reference().clone(), search: known.search().clone(), seed }
     }

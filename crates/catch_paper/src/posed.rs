@@ -54,7 +54,7 @@ const REFINEMENTS: usize = 8;
 /// Fraction of the acceleration limits at which the exact bounds are usually within a spline's reach.
 const EASY_FRACTION: f64 = 0.9;
 
-/// One call's circumstances.
+/// Inputs of one call.
 pub(super) struct Task<'a> {
     pub planner: &'a MotionPlanner,
     splines: &'a CatchSplines,
@@ -73,7 +73,7 @@ pub struct PosedPlanner {
 }
 
 impl PosedPlanner {
-    /// Over the motions that can be generated.
+    /// Creates the planner over the motions that can be generated.
     pub fn new(motion: MotionPlanner) -> Self {
         let splines = CatchSplines::new(&[1.0; 10], false);
         Self { motion, splines }

@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 pub struct Config {
     /// True for the registration of the authors' code, false for that of the text. The code starts from the
     /// last pose that it found, at first from the scan's own frame at the world's origin, far from the object
-    /// and turned against it; pairs all points with all of the scan; goes on until the mean distance of the
+    /// and rotated against it; pairs all points with all of the scan; goes on until the mean distance of the
     /// pairs settles; takes whatever comes out; and keeps the orientation of the scan for an object that
     /// looks the same from all sides.
     pub as_published: bool,
@@ -77,7 +77,8 @@ pub struct IcpEstimator {
 }
 
 impl IcpEstimator {
-    /// For a known object. The workspace holds the buffers, best those of [`Workspace::before_flight`].
+    /// Creates the estimator for a known object. The workspace holds the buffers, best those of
+    /// [`Workspace::before_flight`].
     pub fn new(
         config: Config,
         perception: perception::Config,

@@ -39,8 +39,8 @@ fn deviation(inertia_kgm2: &Matrix3<f64>, size: f64, phase: f64) -> Matrix3<f64>
 pub struct AerodynamicsConfig {
     /// Largest relative deviation of an object's drag along one of its principal axes of inertia from the
     /// mean of the three. Every throw draws the largest deviation uniformly up to this, and how it is
-    /// divided; axes of equal moments of inertia have equal drag, so none deviates in a ball. It counts where
-    /// there is drag.
+    /// divided; axes of equal moments of inertia have equal drag, so none deviates in a ball. It takes effect
+    /// only with drag.
     #[serde(deserialize_with = "quantity::spread")]
     pub drag_anisotropy: f64,
     /// Every throw draws its Magnus coefficient c_M of a = c_M·ω×v uniformly up to this.

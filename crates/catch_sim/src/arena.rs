@@ -142,7 +142,7 @@ impl Arena {
         &self.truth
     }
 
-    /// Takes the ground truth since the last call, or since the beginning. The world stops shaking.
+    /// Takes the ground truth since the last call, or since the beginning. The disturbance ends.
     pub fn take_truth(&mut self) -> Truth {
         self.update_report();
         self.servo.take_report();
@@ -178,7 +178,8 @@ impl Arena {
         self.steps as f64 * self.config().step_s
     }
 
-    /// From `after_s` after the first contact with the gripper on the world shakes along (1, 1, 1).
+    /// Starts the disturbance, a vibration of the world along (1, 1, 1), `after_s` after the first contact
+    /// with the gripper.
     pub fn disturb_after_contact(&mut self, after_s: f64) {
         self.disturbance = Some(Disturbance::after_contact(after_s));
     }
@@ -196,7 +197,7 @@ impl Arena {
         }
     }
 
-    /// Like [`Cell::act`], but the command arrives `delay_s` from now: what it takes to compute it.
+    /// Acts like [`Cell::act`], but the command arrives `delay_s` from now: the time to compute it.
     pub fn act_after(&mut self, delay_s: f64, command: &Command) {
         self.under_way.push((self.time_s() + delay_s.max(0.0), command.clone()));
         self.deliver();
@@ -271,7 +272,7 @@ impl Arena {
         X_WL
     }
 
-    /// One step of servo, gripper and physics.
+    /// Takes one step of servo, gripper and physics.
     fn step(&mut self) {
         self.deliver();
         let (now_s, step_s) = (self.time_s(), self.config().step_s);

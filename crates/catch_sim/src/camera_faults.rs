@@ -30,7 +30,7 @@ pub enum CameraFaultKind {
     Silent,
     /// The camera and another one have exchanged their images.
     Swapped(SwappedCamera),
-    /// Something has pushed it.
+    /// The camera has been pushed.
     Pushed(Push),
 }
 
@@ -56,7 +56,7 @@ impl CameraFault {
     /// Checks that a rig has the cameras of the fault.
     ///
     /// # Errors
-    /// If there are not; `file` and `field` name the place.
+    /// If a camera does not exist; `file` and `field` name the place.
     pub fn check(&self, cameras: &[CameraModel], file: &str, field: &str) -> Result<(), InputError> {
         let find = |number: usize, name: &str| {
             let expected = format!("the number of a camera of the rig, 0 to {}", cameras.len().saturating_sub(1));

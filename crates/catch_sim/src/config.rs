@@ -145,13 +145,13 @@ pub struct RobotController {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ControllerGains {
-    /// Per error, in 1/s².
+    /// Gain of the error, in 1/s².
     #[serde(deserialize_with = "quantity::gain")]
     pub proportional_per_s2: f64,
-    /// Per integral of the error, in 1/s³.
+    /// Gain of the integral of the error, in 1/s³.
     #[serde(deserialize_with = "quantity::gain")]
     pub integral_per_s3: f64,
-    /// Per rate of the error, in 1/s.
+    /// Gain of the rate of the error, in 1/s.
     #[serde(deserialize_with = "quantity::gain")]
     pub derivative_per_s: f64,
 }
@@ -216,8 +216,8 @@ impl Default for ArenaConfig {
 const MOST_GIB_UNDER_WAY: f64 = 1.0;
 
 impl ArenaConfig {
-    /// Everything that cannot be used although every number is within its range; `file` and `table` name the
-    /// place: ranges whose ends are swapped, a frame interval that is not a whole number of steps.
+    /// Finds all settings that cannot be used although every number is within its range; `file` and `table`
+    /// name the place: ranges whose ends are swapped, a frame interval that is not a whole number of steps.
     pub fn faults(&self, file: &str, table: &str) -> Vec<InputError> {
         let friction = self.friction.check_friction(file, &format!("{table}.friction"));
         let latency = self.latency_s.check(&quantity::LATENCY_S, file, &format!("{table}.latency_s"));
@@ -236,7 +236,7 @@ impl ArenaConfig {
     /// which the physics' steps leave out images, and more images under way than there is room for.
     ///
     /// # Errors
-    /// The first of them.
+    /// If a setting cannot be used: the first of them.
     pub fn check_cameras(&self, cameras: &[CameraModel], file: &str, table: &str) -> Result<(), InputError> {
         let most_hz = self.step_s.recip();
         let too_fast = |it: &&CameraModel| it.rate_hz.is_some_and(|rate_hz| rate_hz > most_hz * (1.0 + 1e-9));

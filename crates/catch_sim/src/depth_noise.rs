@@ -72,7 +72,7 @@ impl DepthConfig {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DepthModel {
-    /// None.
+    /// No errors.
     #[default]
     Perfect,
     /// Noise with the same standard deviation at every depth, each pixel by itself.

@@ -18,7 +18,7 @@ pub struct Equipment {
 #[derive(Debug)]
 pub(crate) struct Shared {
     pub config: ArenaConfig,
-    /// Without the gripper's mass.
+    /// The arm without the gripper's mass.
     pub robot: Robot,
     /// The arm with the gripper's mass.
     pub robot_with_gripper: Robot,

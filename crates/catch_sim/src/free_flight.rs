@@ -86,7 +86,7 @@ pub(crate) struct Air {
 }
 
 impl Air {
-    /// In the step after a state of the centre of mass.
+    /// Aerodynamic effects in the step after a state of the centre of mass.
     pub fn in_step(body: &FreeBody, conditions: &Conditions, (X_WC, V_WC): (&Pose, &Twist), step_s: f64) -> Self {
         let half_s = step_s / 2.0;
         let acceleration = dynamics::gravity() + conditions.air_mps2(&X_WC.rotation, V_WC);

@@ -75,11 +75,11 @@ struct ActiveMove {
 /// Control law that turns a move into a motion.
 #[derive(Debug, Clone)]
 enum Law {
-    /// At once, at any speed.
+    /// Ideal law: at once, at any speed.
     Ideal,
-    /// At once, with all the force there is; beyond the stops when open.
+    /// Position law: at once, with all the force there is; beyond the stops when open.
     Position,
-    /// Through an interface, within the limits of the fingers.
+    /// Law of a real gripper: through an interface, within the limits of the fingers.
     Real(Interface, Ramp),
 }
 

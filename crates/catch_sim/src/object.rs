@@ -51,7 +51,7 @@ pub struct ThrownObject {
 /// Radius of gyration of the thinnest needle.
 const LEAST_GYRATION_M: f64 = 1e-4;
 
-/// Something to throw.
+/// File of an object to throw.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ObjectFile {

@@ -1,4 +1,5 @@
-//! From the few numbers of an object's file to its surface, its convex parts and its inertia.
+//! Shapes of objects: from the few numbers of an object's file to its surface, its convex parts and its
+//! inertia.
 
 use std::ops::RangeInclusive;
 
@@ -105,7 +106,7 @@ pub(crate) enum ShapeFields {
         /// Files whose groups are the convex parts.
         #[serde(default)]
         parts: Vec<String>,
-        /// Metres per unit of the files.
+        /// Length of the files' unit in metres.
         #[serde(default = "one", deserialize_with = "quantity::scale")]
         scale: f64,
     },
@@ -178,7 +179,7 @@ const LENGTHS_M: RangeInclusive<f64> = 0.005..=0.5;
 /// millimetres.
 ///
 /// # Errors
-/// If it is not.
+/// If the length is out of this range.
 pub fn check_length(file: &str, field: &str, length_m: f64, advice: &str) -> Result<(), InputError> {
     if LENGTHS_M.contains(&length_m) {
         return Ok(());

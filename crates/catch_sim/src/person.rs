@@ -38,7 +38,7 @@ impl PersonConfig {
     /// Checks that ranges begin before they end.
     ///
     /// # Errors
-    /// If one does not.
+    /// If a range does not.
     pub fn check(&self, file: &str, field: &str) -> Result<(), InputError> {
         self.nearest_m.check(&quantity::DISTANCE_M, file, &format!("{field}.nearest_m"))?;
         self.speed_mps.check(&quantity::DRIVE_SPEED_MPS, file, &format!("{field}.speed_mps"))
@@ -60,7 +60,7 @@ pub(crate) struct Person {
 #[derive(Debug, Clone)]
 struct Part {
     surface: RayCaster,
-    /// About what it swings, in the body's frame.
+    /// Point about which it swings, in the body's frame.
     pivot: Vector3<f64>,
     /// Amplitude of the swing in radians, forward where the left leg swings forward.
     swing_rad: f64,

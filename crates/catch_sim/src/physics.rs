@@ -37,7 +37,7 @@ pub enum Mount<'a> {
         /// Joint positions of the arm.
         q: &'a JointVector,
     },
-    /// Nothing that moves: the pose of G in W.
+    /// Fixed mount: the pose of G in W.
     Fixed(Pose),
 }
 
@@ -46,7 +46,7 @@ pub enum Mount<'a> {
 pub struct WorldSettings {
     /// Time step.
     pub step_s: f64,
-    /// Into how many parts the solver divides a step in which something moves against something.
+    /// Number of substeps into which the solver divides a step with contacts.
     pub substeps: usize,
     /// Coulomb friction coefficient of all contacts.
     pub friction: f64,
@@ -149,7 +149,7 @@ pub struct World {
     machine: Machine,
     colliders: Colliders,
     object: Object,
-    /// Of the last step.
+    /// Contact forces of the last step.
     contact_forces: ContactForces,
 }
 

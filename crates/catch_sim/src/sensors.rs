@@ -23,7 +23,7 @@ pub(crate) struct Sensors {
     windows: Option<Vec<PixelWindow>>,
     /// Faults that have not begun.
     coming_faults: Vec<CameraFault>,
-    /// For each camera how its images are spoilt.
+    /// Fault of each camera's images.
     spoilt: Vec<Spoilt>,
     /// Images that have not arrived, with their times of arrival, soonest first.
     under_way: Vec<(f64, DepthFrame)>,
@@ -34,7 +34,7 @@ pub(crate) struct Sensors {
 enum Spoilt {
     Not,
     Blinded,
-    /// None have come since.
+    /// Frozen at an image; `None` until one has come since.
     Frozen(Option<Box<StillImage>>),
     Silent,
 }
@@ -52,7 +52,7 @@ struct StillImage {
 /// Exposure times of a camera.
 #[derive(Debug, Clone)]
 struct CameraClock {
-    /// None: at every observation.
+    /// Own rate of a free-running camera; `None` for one that takes an image at every observation.
     free: Option<FreeRun>,
     /// Number of exposures so far.
     exposures: u64,

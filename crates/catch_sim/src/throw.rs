@@ -28,8 +28,8 @@ pub struct Release {
     pub q_WO: UnitQuaternion<f64>,
     /// Angular velocity of the object in W, in rad/s.
     pub omega_WO: Vector3<f64>,
-    /// Along which recorded flight in W it moves until something touches it; by the arena's physics if there
-    /// is none.
+    /// Recorded flight in W along which the object moves until something touches it; by the arena's physics
+    /// if there is none.
     pub path: Option<Arc<RecordedFlight>>,
 }
 
@@ -46,7 +46,7 @@ pub struct Throw {
 struct ThrowFile {
     /// Motion of the object.
     motion: Motion,
-    /// Per object: intrinsic rotations from left to right, an axis and an angle in degrees each.
+    /// Orientations per object: intrinsic rotations from left to right, an axis and an angle in degrees each.
     #[serde(default)]
     orientations_deg: BTreeMap<String, Vec<AxisAngle>>,
 }
@@ -101,7 +101,7 @@ enum Motion {
         #[serde(deserialize_with = "quantity::velocity_mps")]
         vertical_speed_mps: [f64; 2],
     },
-    /// From anywhere in a sector, past the robot's base on one side.
+    /// Throws from anywhere in a sector, past the robot's base on one side.
     Random(RandomMotion),
     /// Recorded throws.
     Recorded(RecordedMotion),

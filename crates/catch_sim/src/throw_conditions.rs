@@ -12,10 +12,10 @@ use crate::{conditions::Conditions, object::ThrownObject, throw::Release};
 /// All that was drawn for a throw, and what it was drawn around.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ThrowConditions {
-    /// Of the object and its flight.
+    /// Conditions of the object and its flight.
     #[serde(flatten)]
     pub flight: FlightConditions,
-    /// Of arm, gripper and cameras.
+    /// Conditions of arm, gripper and cameras.
     #[serde(flatten)]
     pub cell: CellConditions,
 }

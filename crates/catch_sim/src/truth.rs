@@ -29,10 +29,10 @@ pub struct Truth {
 /// Highest values over their limits, of any joint.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct PeakRatios {
-    /// Of the measured velocity.
+    /// Ratio of the measured velocity.
     #[serde(deserialize_with = "quantity::true_value")]
     pub velocity: f64,
-    /// Of the torque that the controller asked for, before clamping.
+    /// Ratio of the torque that the controller asked for, before clamping.
     #[serde(deserialize_with = "quantity::true_value")]
     pub torque: f64,
 }

@@ -32,7 +32,7 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// For an arm that waits, its gripper open.
+    /// Creates the controller for an arm that waits with its gripper open.
     pub fn new(config: Config, grasping: grasp_selection::Config, robot: Robot, gripper: Gripper) -> Self {
         let (progress, sent) = (Progress::default(), SentPlans::default());
         Self { config, grasping, robot, gripper, plan: None, closing: None, progress, amended: None, sent }

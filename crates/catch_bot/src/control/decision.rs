@@ -13,7 +13,7 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// Nothing that could be the object is in the images.
+    /// No candidate for the object is in the images.
     #[default]
     NoObject,
     /// Too few poses agree on a flight.
@@ -34,7 +34,7 @@ pub enum Status {
     Approached,
     /// A new plan was made.
     Planned,
-    /// Too late to change anything: the plan runs to its end.
+    /// The catch is committed, too late to change anything: the plan runs to its end.
     Committed,
 }
 

@@ -23,7 +23,7 @@ pub struct TimeGridSearch {
 }
 
 impl TimeGridSearch {
-    /// For an arm with a gripper, and an object by its grasp candidates.
+    /// Creates the planner for an arm with a gripper, and an object by its grasp candidates.
     pub fn new(
         config: Config,
         grasping: grasp_selection::Config,

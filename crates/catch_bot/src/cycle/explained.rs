@@ -54,7 +54,8 @@ mod tests {
         synthetic::{self, Noise, Normal, Shape},
     };
 
-    /// With hardly any noise the points of the right object do, while the others ask the silhouette as well.
+    /// With hardly any noise the right object is compared by its points, while the others also use the
+    /// silhouette.
     #[test]
     fn an_object_on_points_is_compared_with_one_on_silhouettes() {
         let (cameras, config) = (synthetic::flight_rig(), Config::default());

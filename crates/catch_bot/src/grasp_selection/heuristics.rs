@@ -15,21 +15,22 @@ use super::Grasp;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Weights {
-    /// On the fraction of the velocity that points at a finger, |v̂·x_G|.
+    /// Weight of the fraction of the velocity that points at a finger, |v̂·x_G|.
     #[serde(deserialize_with = "quantity::weight")]
     pub catchability: f64,
-    /// On the distance of the centre of mass from the gripper's axis, per 30 mm.
+    /// Weight of the distance of the centre of mass from the gripper's axis, per 30 mm.
     #[serde(deserialize_with = "quantity::weight")]
     pub strength: f64,
-    /// On the distance by which the centre of mass is farther from the palm than the grasp centre, per 30 mm.
+    /// Weight of the distance by which the centre of mass is farther from the palm than the grasp centre, per
+    /// 30 mm.
     #[serde(deserialize_with = "quantity::weight")]
     pub overhang: f64,
-    /// On the object's width between the fingers, per 100 mm: narrow parts are usually its long sides, which
-    /// hold it better.
+    /// Weight of the object's width between the fingers, per 100 mm: narrow parts are usually its long sides,
+    /// which hold it better.
     #[serde(deserialize_with = "quantity::weight")]
     pub width: f64,
-    /// On passing through the gap instead of flying toward the palm, which gives four times the time to
-    /// close.
+    /// Weight of passing through the gap instead of flying toward the palm, which gives four times the time
+    /// to close.
     #[serde(deserialize_with = "quantity::weight")]
     pub pass_through: f64,
     /// The fraction of the velocity that may point at a finger; grasps with more are dropped.
@@ -101,7 +102,8 @@ pub struct Passing<'a> {
 }
 
 impl<'a> Passing<'a> {
-    /// At `X_WO`, with the velocity `v_WO` in W; `base` is where the arm stands.
+    /// Creates the passage of an object at `X_WO`, with the velocity `v_WO` in W; `base` is the position of
+    /// the arm.
     pub fn new(X_WO: &'a Pose, v_WO: &Vector3<f64>, base: &'a Point3<f64>, weights: &'a Weights) -> Self {
         let v_O = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6).unwrap_or_default();
         Self { X_WO, v_O, base, weights }

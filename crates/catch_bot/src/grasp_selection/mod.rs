@@ -156,7 +156,7 @@ impl Config {
     /// grasp centre, passes earlier, plus the time over the braking distance: across the fingers (along z_G),
     /// or along them toward the palm (along −y_G). Negative where the fingers should touch afterwards.
     ///
-    /// What is squeezed where its centre is stays; what has passed with its centre hangs out on the other
+    /// An object that is squeezed at its centre stays; one whose centre has passed hangs out on the other
     /// side. Along the fingers the centre does not count: the palm may be in its way.
     pub fn contact_lead_s(&self, v_G: &Vector3<f64>, past_G: &Vector3<f64>) -> f64 {
         let rebound_distance_m = self.palm_rebound_distance_m * (1.0 / self.expected_restitution().max(SOFTEST) - 1.0);
@@ -190,7 +190,7 @@ pub struct Grasp {
 }
 
 impl Grasp {
-    /// From the grasp centre to the object's centre of mass when the fingers close, in G.
+    /// Vector from the grasp centre to the object's centre of mass when the fingers close, in G.
     pub fn centre_past_G(&self, gripper: &Gripper) -> Vector3<f64> {
         self.X_OG.inverse().translation.vector - gripper.grasp_centre().coords
     }
@@ -203,7 +203,7 @@ pub struct GraspSet {
     pub grasps: Vec<Grasp>,
     /// Number of the other sampled candidates for each reason of their failure.
     failures: BTreeMap<GraspFailure, usize>,
-    /// Few points of the object in O that outline it, for clearance checks on the approach.
+    /// Surface samples of the object in O, few points for clearance checks on the approach.
     pub surface_points: Vec<Point3<f64>>,
     /// Distance of the farthest of them from the centre of mass, in metres.
     pub radius_m: f64,

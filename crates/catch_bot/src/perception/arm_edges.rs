@@ -39,10 +39,10 @@ pub(super) struct ArmEdges {
 /// Agreement of an image with the arm's silhouette.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sight {
-    /// Of the pixels that should show the arm, the fraction with any depth.
+    /// Fraction of the pixels that should show the arm which have any depth.
     pub measured_fraction: f64,
-    /// Of the pixels on both sides, the fraction that shows the arm where it should and else not. `None` if
-    /// something stands before most.
+    /// Fraction of the pixels on both sides that show the arm where they should and else not. `None` if
+    /// another body stands before most of them.
     pub explained: Option<f64>,
     /// Number of edges, and sums over them: of the regressors' products, and of these with the pixels of the
     /// arm that are missing.

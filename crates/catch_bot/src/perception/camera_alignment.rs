@@ -41,11 +41,11 @@ struct Crossing {
 #[derive(Debug, Clone)]
 pub struct CameraAlignment {
     cameras: Vec<CameraModel>,
-    /// For each camera, the silhouette of the arm.
+    /// Silhouette of the arm in each camera.
     outlines: Vec<Vec<Crossing>>,
     /// Link poses and gripper aperture of the arm whose silhouettes these are.
     stood: Option<(LinkPoses, f64)>,
-    /// For each camera, the images of it that were looked at.
+    /// Number of each camera's images that were evaluated.
     images: Vec<usize>,
 }
 

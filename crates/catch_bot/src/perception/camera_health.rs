@@ -1,9 +1,9 @@
 //! Faults of a camera, found from its full images while the arm waits in a known pose.
 //!
-//! Along the silhouette of the arm pixels show the arm on one side and not on the other. Where a camera has
-//! no depths it is blinded; where its depths repeat bit for bit, although they are noisy, it is frozen; where
-//! its silhouette is elsewhere, it is displaced, or another camera's images come in its place. Cameras that
-//! do not see the arm are not judged by it. What they see of flights tells of a displacement, too.
+//! Along the silhouette of the arm pixels show the arm on one side and not on the other. A camera without
+//! depths is blinded; one whose depths repeat bit for bit, although they are noisy, is frozen; one that shows
+//! the silhouette elsewhere is displaced, or another camera's images come in its place. Cameras that do not
+//! see the arm are not judged by it. The cameras' images of flights show a displacement, too.
 
 use std::fmt::{self, Display};
 
@@ -24,7 +24,7 @@ use super::{
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CameraStatus {
-    /// Nothing is known against it.
+    /// No fault of the camera is known.
     #[default]
     Good,
     /// The camera's images have no depths, or the same one everywhere.
@@ -102,12 +102,11 @@ const MAKES: u8 = 2;
 const UNMAKES: u8 = 4;
 /// An arm whose links are nearer to where they wait than this waits, in metres and radians.
 const WAITING: f64 = 2e-3;
-/// Of the pixels that should show the arm a blinded camera measures fewer than this fraction.
+/// Largest fraction of the pixels showing the arm that a blinded camera measures.
 const BLINDED_FRACTION: f64 = 0.05;
-/// One that sees the same depth everywhere measures more than this fraction.
+/// Least fraction of those pixels measured by a camera that sees the same depth everywhere.
 const COVERED_FRACTION: f64 = 0.9;
-/// Of the pixels along the silhouette more than this fraction show what they should, but for a camera that is
-/// misplaced.
+/// Least fraction of the pixels along the silhouette that are right, but for a camera that is misplaced.
 const EXPLAINED: f64 = 0.7;
 /// An image of which less is explained may be another camera's.
 const UNCLEAR: f64 = 0.85;
@@ -119,7 +118,7 @@ const SILENT_S: f64 = 0.25;
 const SILENT_SETS: usize = 10;
 
 impl CameraHealth {
-    /// For an arm that will be waiting where `surroundings` say.
+    /// Prepares the check for an arm that will be waiting where `surroundings` say.
     pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
         let record = Record {
             newest_s: None,

@@ -155,7 +155,7 @@ mod tests {
         sums
     }
 
-    /// In any direction, however the prediction is off.
+    /// The camera with an offset is named in any direction, however the prediction is off.
     #[test]
     fn a_camera_that_is_off_by_two_centimetres_is_named() {
         for seed in 0..100 {
@@ -169,7 +169,8 @@ mod tests {
         }
     }
 
-    /// Not by what was seen before it was left out either, because the arm or flights had named it.
+    /// The camera with an offset names no other one, nor do its images from before it was left out because
+    /// the arm or flights had named it.
     #[test]
     fn a_camera_that_is_off_names_no_other_one() {
         for seed in 0..100 {

@@ -32,7 +32,7 @@ struct Waiting {
     X_WL: LinkPoses,
     width_m: f64,
     with_arm_m: Vec<Vec<f32>>,
-    /// Without the arm; empty where nothing else is known either.
+    /// Depths without the arm; empty where no other background is known.
     without_arm_m: Vec<Vec<f32>>,
 }
 
@@ -74,7 +74,7 @@ pub(super) fn is_within(limit: f64, X_WA: &LinkPoses, X_WB: &LinkPoses) -> bool 
 }
 
 impl Detector {
-    /// For an arm that will be waiting where `surroundings` say.
+    /// Prepares the background with an arm that will be waiting where `surroundings` say.
     pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
         let limits_m = |known: Option<&Surroundings<'_>>| -> Vec<Vec<f32>> {
             let of_camera = |camera: &CameraModel| {
@@ -275,7 +275,7 @@ fn nearest_around(depths_m: &[f32], wide: usize, aside_px: usize) -> Vec<f32> {
     all
 }
 
-/// Before this depth a pixel shows something else than what is known to be there at `depth_m`.
+/// Depth before which a pixel shows an object in front of the background at `depth_m`, in metres.
 fn nearer_than_m(depth_m: f64, config: &Config) -> f64 {
     if depth_m.is_finite() { depth_m - threshold_m(depth_m, config) } else { f64::INFINITY }
 }

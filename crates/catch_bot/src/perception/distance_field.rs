@@ -214,9 +214,9 @@ impl Grid {
         }
     }
 
-    /// For each node the index of the nearest point, found by passing candidates on from node to node (a
-    /// vector distance transform: Danielsson, Euclidean Distance Mapping, 1980); off by a fraction of the
-    /// points' spacing at most.
+    /// Index of the nearest point for each node, found by passing candidates on from node to node (a vector
+    /// distance transform: Danielsson, Euclidean Distance Mapping, 1980); off by a fraction of the points'
+    /// spacing at most.
     fn nearest_points(&self, points: &[Point3<f64>]) -> Vec<u32> {
         let [nx, ny, nz] = self.nodes;
         let mut nearest = vec![u32::MAX; nx * ny * nz];
@@ -319,8 +319,8 @@ fn blend<const AXIS: usize>(a: &[f32; 4], b: &[f32; 4], t: f32) -> [f32; 4] {
 /// Cosine of the angle by which normals within one neighbourhood differ at most where the surface is smooth:
 /// 50°.
 const SMOOTH_COSINE: f64 = 0.64;
-/// Of two points on one smooth surface the way from one to the other is across their normals, but for this
-/// sine.
+/// Largest sine of the angle by which the line between two points on one smooth surface leaves the plane
+/// across their normals.
 const SMOOTH_SINE: f64 = 0.35;
 
 impl OrientedPoints<'_> {

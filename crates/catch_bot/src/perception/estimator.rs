@@ -68,7 +68,8 @@ pub struct SdfEstimator {
 }
 
 impl SdfEstimator {
-    /// For a known object. The workspace holds the buffers, best those of [`Workspace::before_flight`].
+    /// Creates the estimator for a known object. The workspace holds the buffers, best those of
+    /// [`Workspace::before_flight`].
     pub fn new(config: Config, reference: Arc<ReferenceModel>, workspace: Workspace) -> Self {
         let half_turns = HalfTurns::new(&reference.symmetry);
         Self { finder: ObjectFinder::new(config, reference, workspace), half_turns, turned_over: None }
@@ -167,7 +168,8 @@ pub struct ObjectFinder {
 type Register<'a> = dyn FnMut(&Registration<'_>, &mut SceneCloud, &Pose) -> Result<Fit, PerceptionStatus> + 'a;
 
 impl ObjectFinder {
-    /// For a known object. The workspace holds the buffers, best those of [`Workspace::before_flight`].
+    /// Creates the finder for a known object. The workspace holds the buffers, best those of
+    /// [`Workspace::before_flight`].
     pub fn new(config: Config, reference: Arc<ReferenceModel>, workspace: Workspace) -> Self {
         Self { config, gate_m: GATE_M, reference, workspace }
     }
@@ -271,7 +273,8 @@ impl Fit {
         self.silhouette_mismatch.is_some_and(|mismatch| mismatch > MAX_MISMATCH)
     }
 
-    /// By the silhouettes, without which nothing is found to be unexplained.
+    /// Returns whether this pose explains the silhouettes much better than the other, which always holds
+    /// against one without silhouettes.
     fn explains_much_better(&self, other: &Self) -> bool {
         let [ours, others] = [self, other].map(|it| it.silhouette_mismatch.unwrap_or(f64::INFINITY));
         ours <= MUCH_BETTER * others

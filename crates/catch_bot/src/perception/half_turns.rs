@@ -26,7 +26,7 @@ const ALIKE_RAD: f64 = 0.3;
 /// One of the half turns.
 #[derive(Debug, Clone, Copy)]
 struct HalfTurn {
-    /// Of the object, in O.
+    /// Rotation of the object, in O.
     rotation: UnitQuaternion<f64>,
     /// Evidence for the rotation.
     evidence: f64,

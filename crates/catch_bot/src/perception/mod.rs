@@ -116,7 +116,7 @@ pub struct ObjectPose {
     /// Root mean square distance of those points from the reference surface, in metres.
     pub residual_m: f64,
     /// Mean square of the points' residuals in standard deviations: the mismatch between object and points.
-    /// `None` where no depth tells its shape.
+    /// `None` where no depth shows its shape.
     #[serde(default)]
     pub points_mismatch: Option<f64>,
     /// Mean square of the silhouette rays' residuals in standard deviations, where these were needed. Known
@@ -135,7 +135,7 @@ pub struct ObjectPose {
 pub enum PerceptionStatus {
     /// No pixel shows anything that could be the object.
     NoPoints,
-    /// Too few pixels do.
+    /// Too few pixels show the object.
     TooFewPoints,
     /// The reference could not be brought to lie on the points.
     NotConverged,

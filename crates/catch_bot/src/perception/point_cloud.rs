@@ -1,4 +1,4 @@
-//! From pixels to points in W that belong to the object.
+//! Conversion of pixels to points in W that belong to the object.
 
 use catch_body::{Pose, quantity};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};

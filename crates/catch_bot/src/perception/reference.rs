@@ -24,8 +24,8 @@ pub(super) const DISTANCE_GRID_M: f64 = 0.0025;
 const SYMMETRY_TOLERANCE_M: f64 = 0.0008;
 /// Tolerance of single rotations, such as the quarter turns of a brick, as a fraction of the largest ball
 /// that fits into the object, where that is more: smaller differences are confused from one image to the
-/// next. Half of it counts for turns by any angle, so that a can with beads is round and a hexagonal prism is
-/// not.
+/// next. Half of it counts for rotations by any angle, so that a can with beads is round and a hexagonal
+/// prism is not.
 const CONFUSED_FRACTION: f64 = 0.08;
 
 /// The object as the brain knows it: its surface, its centre of mass and what it looks the same under.
@@ -320,8 +320,8 @@ struct Patch {
     y_axis: Vector3<f64>,
     /// Normal of the plane, outwards.
     axis: Vector3<f64>,
-    /// Of coordinates in units of the neighbourhood's radius; zero where the neighbours determine no quadric
-    /// or one that bends too much to be believed.
+    /// Coefficients for coordinates in units of the neighbourhood's radius; zero where the neighbours
+    /// determine no quadric or one whose curvature is too large to be believed.
     c: Vector6<f64>,
     radius_m: f64,
     /// Root mean square distance of the neighbours.

@@ -192,7 +192,7 @@ pub struct Registration<'a> {
 }
 
 impl<'a> Registration<'a> {
-    /// Of points that are off by the reference's own error and the noise of their depths.
+    /// Creates the registration of points with the reference's own error and the noise of their depths.
     pub fn new(reference: &'a ReferenceModel, config: &'a Config) -> Self {
         Self { reference, config, model_sd_m: MODEL_SD_M }
     }
@@ -217,7 +217,7 @@ impl<'a> Registration<'a> {
         if converged && believable { Ok(fit) } else { Err(PerceptionStatus::NotConverged) }
     }
 
-    /// At most `max_iterations` Gauss–Newton steps, and whether they came to rest.
+    /// Takes at most `max_iterations` Gauss–Newton steps, and returns whether they came to rest.
     pub(super) fn iterate(
         &self,
         scene: &mut SceneCloud,

@@ -1,9 +1,10 @@
 //! Segmentation of the object in images without masks: the pixels in front of all known surfaces.
 //!
-//! Known are the floor, if the cameras see it, and the arm, whose surface the brain casts its own rays at. A
+//! Known surfaces are the floor, if the cameras see it, and the arm, at which the brain casts its own rays. A
 //! pixel is in front of them if it is nearer by some standard deviations of the depth noise at that depth.
-//! While the object is tracked only pixels where it is expected are looked at. Where the object and what is
-//! behind it are too close to be told apart, the pixel says nothing, to the silhouette neither.
+//! While the object is tracked only pixels where it is expected are evaluated. Where the object is too close
+//! to the background to be distinguished from it, the pixel has no label, and the silhouette does not use it
+//! either.
 
 use catch_body::{
     Pose,
@@ -59,7 +60,7 @@ pub struct Background<'a> {
 }
 
 impl<'a> Background<'a> {
-    /// Of a part of an image.
+    /// Background of a part of an image.
     pub fn new(
         camera: &'a CameraModel,
         surroundings: Option<&Surroundings<'a>>,

@@ -8,7 +8,7 @@ use super::{Config, arm_edges::Sight};
 /// Shift of the arm in one image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shift {
-    /// In pixels to the right and down, and in depth by metres.
+    /// Shift in pixels to the right and down, and in depth by metres.
     value: Vector3<f64>,
 }
 
@@ -22,9 +22,9 @@ struct Mean {
 /// Mean shifts of one camera's images.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ShiftHistory {
-    /// Before, while nothing was wrong.
+    /// Mean before, while no fault was found.
     before: Mean,
-    /// Lately.
+    /// Recent mean.
     now: Mean,
     /// True if the recent shift may be a displacement, which more images will decide.
     is_suspect: bool,
@@ -44,7 +44,7 @@ pub(super) const DISPLACED_M: f64 = 0.008;
 pub(super) const SIGNIFICANT: f64 = 5.0;
 /// A camera that was displaced is right again when it is off by less than this fraction of the bounds.
 const RIGHT_AGAIN: f64 = 0.7;
-/// One that has moved by more than this fraction of the bounds may have been pushed.
+/// A camera that has moved by more than this fraction of the bounds may have been pushed.
 const SUSPECT: f64 = 0.5;
 /// Standard deviations of what is not known of an image beforehand: shifts in pixels, the fraction without a
 /// depth, and how far edges grow in pixels.

@@ -67,7 +67,8 @@ impl RotationGroup {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "an object has one, which a box would keep from being copied")]
 pub enum Symmetry {
-    /// None by a small angle: the whole orientation can be seen, except for a finite group of rotations.
+    /// No symmetry by a small angle: the whole orientation can be seen, except for a finite group of
+    /// rotations.
     Finite {
         /// Rotations in O that leave it looking the same, such as the half turns of a box.
         group: RotationGroup,

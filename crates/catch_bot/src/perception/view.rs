@@ -13,7 +13,7 @@ pub struct View<'a> {
     pub frames: &'a [DepthFrame],
     /// The cameras, as well as their poses are known.
     pub cameras: &'a [CameraModel],
-    /// For each camera whether its images are passed over; those beyond the end of the list are not.
+    /// True for each camera whose images are left out; false for cameras beyond the end of the list.
     pub left_out: &'a [bool],
     /// The arm at the capture time of each image, if it is known; it matters where images come without masks.
     pub surroundings: &'a [Surroundings<'a>],
@@ -49,10 +49,11 @@ impl<'a> View<'a> {
 /// Prior of the object's pose X_WO before the images are evaluated.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Prior {
-    /// Nothing.
+    /// No prior.
     #[default]
     Anywhere,
-    /// About where it is. The orientation counts only where the object looks the same from several sides.
+    /// Approximate pose of the object. The orientation counts only where the object looks the same from
+    /// several sides.
     Place(Pose),
     /// The pose, as predicted.
     Pose(Pose),

@@ -13,7 +13,7 @@ pub(super) struct Viewpoint {
 }
 
 impl Viewpoint {
-    /// From nowhere yet, for an object at `X_WO`.
+    /// Viewpoint without a camera yet, for an object at `X_WO`.
     pub fn new(X_WO: &Pose) -> Self {
         let R_OW = X_WO.rotation.to_rotation_matrix().transpose();
         let p_WC = Point3::new(f64::NAN, f64::NAN, f64::NAN);

@@ -60,7 +60,7 @@ pub struct JointSpline {
     hessian: Hessian,
 }
 
-/// Between which values a quantity of a motion of this duration is, in units of the duration.
+/// Bounds of each quantity of a motion of this duration, in units of the duration.
 fn ranges(end: &End, duration_s: f64, limits: &JointLimits) -> impl Fn(Quantity) -> [f64; 2] {
     let (velocity, acceleration) = (limits.velocity * duration_s, limits.acceleration * duration_s * duration_s);
     let jerk = limits.jerk.map_or(f64::INFINITY, |it| it * duration_s.powi(3));

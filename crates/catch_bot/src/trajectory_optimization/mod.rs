@@ -200,15 +200,15 @@ pub struct MotionPlanner {
 /// Splines of one kind: to a given velocity at the catch, and for the range of such velocities.
 #[derive(Debug)]
 pub struct CatchSplines {
-    /// To a given velocity.
+    /// Spline to a given velocity.
     pub at: JointSpline,
-    /// To the lowest or highest velocity.
+    /// Spline to the lowest or highest velocity.
     pub range: JointSpline,
 }
 
 impl CatchSplines {
-    /// With spans of these relative lengths; `start_acceleration` tells whether the acceleration at the start
-    /// is given.
+    /// Prepares the splines, with spans of these relative lengths; `start_acceleration` states whether the
+    /// acceleration at the start is given.
     pub fn new(spans: &[f64], start_acceleration: bool) -> Self {
         let ends = |end| Ends { start_acceleration, end };
         Self {
@@ -300,9 +300,9 @@ pub struct CatchSearch {
 }
 
 impl CatchSearch {
-    /// Over the motions that can be generated. With a map of what the arm can reach when from its ready pose,
-    /// hopeless times and grasps cost next to nothing; arms of [some kinds](ReachMap::serves) need it to be
-    /// quick.
+    /// Creates the search over the motions that the planner can generate. With a map of the poses that the
+    /// arm can reach from its ready pose, hopeless times and grasps cost next to nothing; arms of [some
+    /// kinds](ReachMap::serves) need it to be quick.
     pub fn new(motion: MotionPlanner, reach_map: Option<Arc<ReachMap>>) -> Self {
         Self { motion, reach_map, time_step_s: TIME_STEP_S }
     }

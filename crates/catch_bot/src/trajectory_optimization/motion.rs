@@ -36,14 +36,14 @@ const SPAN_SAMPLES: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
 /// Fractions of the velocity and acceleration limits that a motion may use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LimitScaling {
-    /// Of the velocity limits.
+    /// Fraction of the velocity limits.
     pub velocity: f64,
-    /// Of the acceleration limits.
+    /// Fraction of the acceleration limits.
     pub acceleration: f64,
 }
 
 impl LimitScaling {
-    /// Between these (0) and `other` (1).
+    /// Interpolates between these fractions (0) and `other` (1).
     pub(super) fn toward(self, other: Self, by: f64) -> Self {
         let between = |from: f64, to: f64| from + by * (to - from);
         Self {
@@ -59,7 +59,7 @@ impl MotionPlanner {
         LimitScaling { velocity: REPLAN_VELOCITY_SCALING, acceleration: REPLAN_ACCELERATION_SCALING }
     }
 
-    /// On the move it may use all there is.
+    /// Scaling of the limits for an arm in motion: all there is.
     pub(super) fn moving_scaling(&self) -> LimitScaling {
         LimitScaling { velocity: self.config.velocity_scaling, acceleration: 1.0 - ROUNDING }
     }
@@ -98,7 +98,7 @@ impl MotionPlanner {
         self.brake_spline.knots[DEGREE + 1] * self.braking_s(dq) / 2.0
     }
 
-    /// From `state` to rest within the joint limits and torques, as quickly as is comfortable.
+    /// Braking from `state` to rest within the joint limits and torques, as quickly as is comfortable.
     pub fn braking(&self, state: &Setpoint, start_s: f64, failures: &FailureCounter) -> Option<BSpline> {
         // Braking begins with the state's own acceleration.
         if !self.keeps_torque_at([state.q, state.dq, state.ddq]) {
@@ -134,7 +134,7 @@ impl MotionPlanner {
         acceleration * (MAX_BRAKING_S - onset_s).max(0.0)
     }
 
-    /// One spline per joint, put together.
+    /// Braking in `duration_s`: one spline per joint, put together.
     fn braking_over(
         &self,
         state: &Setpoint,
@@ -223,8 +223,8 @@ impl MotionPlanner {
     }
 
     /// Returns whether torque limits hold along a motion: at its knots, in the middle between them and at its
-    /// end. Between knots accelerations are linear, so that torques peak at knots but for what velocities
-    /// add.
+    /// end. Between knots accelerations are linear, so that torques peak at knots but for their
+    /// velocity-dependent part.
     pub fn keeps_torque(&self, spline: &BSpline) -> bool {
         self.keeps_torque_until(spline, spline.end_s())
     }
@@ -298,10 +298,9 @@ impl MotionPlanner {
     /// Returns whether the arm and the object in its hand keep clear from one time until another, the gripper
     /// `width_m` open.
     ///
-    /// At the times that are looked at, `clearance_m` is kept, and half of it between them: no two of its
-    /// parts approach each other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm and what it holds can
-    /// extend beyond joint i. From a clearance d there is none smaller than zero for a time of d over that
-    /// speed.
+    /// At the sampled times, `clearance_m` is kept, and half of it between them: no two parts approach each
+    /// other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being the largest extent of the arm and the held object beyond joint
+    /// i. A clearance d stays above zero for a time of d over that speed.
     fn keeps_clear(
         &self,
         trajectory: &BSpline,
@@ -367,8 +366,8 @@ mod tests {
         MotionPlanner::new(catch_body::Robot::from_files(&files).unwrap(), gripper.unwrap(), Config::default())
     }
 
-    /// Two corners of a bar that sticks out by 0.6 m from the hand, and the arm's own parts, against the
-    /// bound on their speed.
+    /// A bar that sticks out by 0.6 m from the hand, by two of its corners, and the arm's own parts keep
+    /// within the bound on their speed.
     #[test]
     fn nothing_held_is_faster_than_the_bound() {
         let planner = planner();

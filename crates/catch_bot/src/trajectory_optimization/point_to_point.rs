@@ -1,4 +1,5 @@
-//! From a start to given joint positions at a given time: the end velocities and the splines, found together.
+//! Motion from a start to given joint positions at a given time: the end velocities and the splines, found
+//! together.
 //!
 //! The velocities at the catch are chosen within what each joint can have on arrival, first by the exact
 //! bounds of [`super::reachability`], which are optimistic for a spline. A joint whose spline program is
@@ -42,7 +43,7 @@ pub struct PointToPoint<'a> {
     pub v_WO: Vector3<f64>,
     /// Coefficient of restitution with which the object bounces off the gripper.
     pub restitution: f64,
-    /// Of the grasp centre at `q`.
+    /// Jacobian of the grasp centre at `q`.
     pub jacobian: Jacobian,
     /// Fractions of the limits that the motion may use.
     pub scaling: LimitScaling,

@@ -30,25 +30,25 @@ pub struct Elbow {
 pub struct Posture {
     /// Joint positions.
     pub q: JointVector,
-    /// For S-R-S arms.
+    /// Position of the elbow, for S-R-S arms.
     pub elbow: Option<Elbow>,
 }
 
 /// The arm's way of finding postures.
 #[derive(Debug)]
 pub enum PostureFinder {
-    /// In closed form, all over the redundancy.
+    /// Inverse kinematics in closed form, over the whole self-motion.
     Srs(SrsArm),
-    /// In closed form, without redundancy.
+    /// Inverse kinematics in closed form, without self-motion.
     ParallelAxes(ParallelAxesArm),
-    /// In closed form for each angle of the last joint.
+    /// Inverse kinematics in closed form for each angle of the last joint.
     SphericalShoulder(SphericalShoulderArm),
-    /// By iteration from several starts.
+    /// Inverse kinematics by iteration from several starts.
     Numerical,
 }
 
 impl PostureFinder {
-    /// For an arm.
+    /// Chooses the inverse kinematics of an arm.
     pub fn new(robot: &Robot) -> Self {
         let srs = SrsArm::of(robot).map(Self::Srs);
         let closed = srs.or_else(|| ParallelAxesArm::of(robot).map(Self::ParallelAxes));

@@ -134,7 +134,7 @@ const DEPENDENT: f64 = 1e-7;
 
 /// The constraints that hold with equality, and what they leave free.
 struct ActiveSet<'a> {
-    /// Of all constraints, the equalities first.
+    /// Rows of all constraints, the equalities first.
     rows: &'a [Row],
     equalities: usize,
     /// Orthogonal transform of L⁻ᵀ: its first `count` columns span the active normals in the metric of H.
@@ -145,7 +145,7 @@ struct ActiveSet<'a> {
     /// |J|², which the transforms leave as it is.
     size: f64,
     indices: [usize; MAX_VARIABLES],
-    /// Of the normals, so that all constraints are lower bounds.
+    /// Signs of the normals, so that all constraints are lower bounds.
     signs: [f64; MAX_VARIABLES],
     count: usize,
 }

@@ -1,11 +1,11 @@
 //! Earliest times at which the gripper of an arm that departs from its ready pose can be at each pose.
 //!
-//! A table over positions (10 cm) and orientations (54 directions of approach, 6 rolls about each) of the
-//! gripper, worked out by sampling before anything flies. A search asks it before any inverse kinematics.
-//! Times count from the departure at rest: what is within reach of a moving arm is within reach of one that
-//! had as long from the departure on, as motions can be joined. The table is no lower bound: samples are
-//! finite, so a pose may be reached up to [`SLACK_S`] sooner, and in fewer than two of a thousand cases by
-//! more.
+//! The map is a table over positions (10 cm) and orientations (54 directions of approach, 6 rolls about each)
+//! of the gripper, prepared by sampling before anything flies. A search looks poses up before any inverse
+//! kinematics. Times count from the departure at rest: a pose within reach of a moving arm is within reach of
+//! one that had as long from the departure on, as motions can be joined. The table is no lower bound: samples
+//! are finite, so a pose may be reached up to [`SLACK_S`] sooner, and in fewer than two of a thousand cases
+//! by more.
 
 mod sampling;
 
@@ -42,7 +42,7 @@ pub struct ReachMap {
     ready_q: JointVector,
     grid: Grid,
     key: Vec<u8>,
-    /// By corner of the voxels, then orientation: the least of the eight voxels around it.
+    /// Earliest times by corner of the voxels, then orientation: the least of the eight voxels around it.
     times: Vec<u8>,
 }
 
@@ -120,7 +120,7 @@ impl ReachMap {
         !matches!(PostureFinder::new(robot), PostureFinder::Srs(_))
     }
 
-    /// For an arm that waits at its ready pose, worked out on one thread, which takes some seconds.
+    /// Computes the map of an arm that waits at its ready pose, on one thread, which takes some seconds.
     pub fn new(robot: &Robot) -> Self {
         let mut samples = ReachSamples::new(robot);
         (0..CHUNKS).for_each(|chunk| samples.draw(chunk));

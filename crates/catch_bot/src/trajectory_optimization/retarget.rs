@@ -55,7 +55,7 @@ pub struct Correction<'a> {
 }
 
 impl<'a> Correction<'a> {
-    /// Of this plan, with its catch at `catch_s`.
+    /// Correction of this plan, with its catch at `catch_s`.
     pub fn new(start: &'a Start, incoming: &'a Incoming<'a>, plan: &'a CatchPlan, catch_s: f64) -> Self {
         let local_flight = incoming.flight.local_flight_at(catch_s);
         let R_WO = local_flight.X_WO.rotation;
@@ -201,7 +201,7 @@ impl CatchSearch {
 
     /// Chooses the aperture of the plan: as before, or narrower for slow fingers, if the approach is free
     /// with it; else the narrowest with a free approach, or, where there is none any more, the widest: it
-    /// hits least. Where it is too late to change the opening, it stays.
+    /// hits least. The aperture stays where it is too late to change it.
     pub fn opened(&self, plan: CatchPlan, to: &Correction) -> CatchPlan {
         let (incoming, local_flight, had_m) = (to.incoming, &to.local_flight, to.plan.aperture_m);
         // Slow fingers come nearer as the flight is known better.

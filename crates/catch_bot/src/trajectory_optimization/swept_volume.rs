@@ -252,7 +252,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Against points along the way.
+        /// Compares the test of a segment with points along it.
         #[test]
         fn a_way_meets_a_box_where_one_of_its_points_is_inside(
             from in prop::array::uniform3(-0.3f64..0.3), way in prop::array::uniform3(-0.5f64..0.5),

@@ -28,10 +28,10 @@ use super::{
 /// Weights of the choice among the joint velocities that keep the direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weights {
-    /// On the speed fraction's distance from its best, a.
+    /// Weight of the speed fraction's distance from its best, a.
     pub speed: f64,
-    /// On the square of the gripper's angular velocity, b; a gripper that turns at 3 rad/s is 33 mm off the
-    /// flight line 60 ms before the catch.
+    /// Weight of the square of the gripper's angular velocity, b; a gripper that rotates at 3 rad/s is 33 mm
+    /// off the flight line 60 ms before the catch.
     pub spin: f64,
     /// Keeps the program strictly convex along the redundancy, ε.
     pub damping: f64,
@@ -50,9 +50,9 @@ impl Weights {
 /// each axis of G, per (m/s)².
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Following {
-    /// Along the direction of closing, x.
+    /// Weight along the direction of closing, x.
     pub closing: f64,
-    /// Along the approach, y.
+    /// Weight along the approach, y.
     pub approach: f64,
     /// Across the gap, z.
     pub gap: f64,

@@ -110,9 +110,9 @@ fn centres(symmetry: &Symmetry) -> Matrix3<f64> {
 enum UnseenSpin {
     /// Fixed in W: the parameters are its components.
     World,
-    /// Along an axis in O: the first parameter is its length.
+    /// The spin is along an axis in O: the first parameter is its length.
     Along(Unit<Vector3<f64>>),
-    /// There is none.
+    /// There is no unseen spin.
     None,
 }
 
@@ -156,7 +156,8 @@ impl<'a> Model<'a> {
         Self { config, basis: deviations(symmetry), centres: centres(symmetry), unseen, has_lift }
     }
 
-    /// At an orientation, a velocity and an angular velocity; of the unseen spin, `left` has not decayed.
+    /// Accelerations by each parameter, at an orientation, a velocity and an angular velocity; of the unseen
+    /// spin, `left` has not decayed.
     fn accelerations(&self, R_WO: &UnitQuaternion<f64>, v: &Vector3<f64>, w: &Vector3<f64>, left: f64) -> ByForces {
         let mut by = ByForces::zeros();
         by.set_column(0, &(v * -v.norm()));
@@ -370,7 +371,7 @@ fn of_position(pose: &ObjectPose) -> Matrix3<f64> {
 mod tests {
     use super::*;
 
-    /// Whatever was found, a flight loses energy to the air, but for what noise may be.
+    /// An estimated flight loses energy to the air, whatever was found, but for noise.
     #[test]
     fn air_brakes_in_all_directions() {
         for deviation in [Vector3::new(-10.0, 4.0, 6.0), Vector3::new(0.5, -0.1, -0.4), Vector3::new(3.0, 3.0, -6.0)] {

@@ -82,7 +82,7 @@ mod tests {
         Vector3::new(1.0 + i as f64, 0.3, -0.5)
     }
 
-    /// Against the sum over all pairs of poses.
+    /// Compares with the sum over all pairs of poses.
     #[test]
     fn sums_are_those_over_all_pairs() {
         let ages_s = [0.5, 0.45, 0.3, 0.1, 0.0];

@@ -212,7 +212,7 @@ impl FlightPropagator {
 }
 
 impl FlightTrajectory {
-    /// To be followed from its own time on, forward or back.
+    /// Propagator that follows the flight from its own time on, forward or back.
     pub fn propagator(&self) -> FlightPropagator {
         FlightPropagator {
             drag_per_m: self.drag_per_m,

@@ -199,7 +199,7 @@ pub struct InformationFit {
 }
 
 impl InformationFit {
-    /// For an object of some symmetry; poses are sampled at random by `seed`.
+    /// Creates the predictor for an object of some symmetry; poses are sampled at random by `seed`.
     pub fn new(config: Config, symmetry: Symmetry, seed: u64) -> Self {
         let (fit, ransac) = (fit::Scratch::default(), ransac::Scratch::default());
         Self { config, symmetry, seed, failures: 0, fit, ransac, about_com: Vec::new(), rows: Vec::new() }

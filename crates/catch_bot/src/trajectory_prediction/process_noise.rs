@@ -104,7 +104,8 @@ pub(super) fn lost_square(W: &Matrix3<f64>, e: &Vector3<f64>, density: f64, age_
 mod tests {
     use super::*;
 
-    /// Against the impulse as three more parameters, of which the least squares solution keeps the others.
+    /// Compares with the impulse as three more parameters, of which the least squares solution keeps the
+    /// others.
     #[test]
     fn an_impulse_leaves_what_its_elimination_leaves() {
         const N: usize = 8;

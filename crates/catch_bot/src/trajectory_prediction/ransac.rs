@@ -21,8 +21,8 @@ pub enum Rotation {
     /// their positions alone: the shortest rotation between the two poses of a tumbling object is often not
     /// the way it rotated.
     Free,
-    /// At a constant rate by the shortest rotation between its two poses, to which the other poses must agree
-    /// (paper).
+    /// Rotation at a constant rate by the shortest rotation between its two poses, to which the other poses
+    /// must agree (paper).
     Constant,
 }
 
@@ -44,7 +44,7 @@ pub struct Sampling {
     pub ties: TieBreak,
     /// Two-pose flights that are sampled at most, [`SAMPLES`] at least.
     pub most: usize,
-    /// Of the generator that draws them.
+    /// Seed of the generator that draws them.
     pub seed: u64,
 }
 
@@ -54,8 +54,8 @@ pub const SAMPLES: usize = 20;
 const INLIER_RAD: f64 = 0.1;
 
 impl Sampling {
-    /// With 40 % outliers one start in 7,000 sees no good pair in 20 samples, so sampling goes on until a
-    /// better pair can hardly have been missed.
+    /// Sampling of our method: with 40 % outliers one start in 7,000 sees no good pair in 20 samples, so
+    /// sampling goes on until a better pair can hardly have been missed.
     pub const OURS: Self = Self { rotation: Rotation::Free, ties: TieBreak::MeanSquare, most: 500, seed: 0 };
 }
 

@@ -55,7 +55,7 @@ fn aligned(surroundings: &Surroundings<'_>, seed: u64) -> (f64, [f64; 4]) {
     (before, after)
 }
 
-/// Over several rigs, so that no single one decides.
+/// Averages over several rigs, so that no single one decides.
 #[test]
 fn cameras_are_turned_to_where_they_look() {
     let (robot, gripper) = arm();

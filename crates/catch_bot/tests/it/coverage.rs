@@ -69,7 +69,7 @@ fn squared_errors(shape: &Shape, reference: &Arc<ReferenceModel>, noise: Noise, 
     squares
 }
 
-/// Of thirty throws nine in ten lie within the 95 % ellipsoid, and about half within that of 50 %: neither
+/// Nine in ten of thirty throws lie within the 95 % ellipsoid, and about half within that of 50 %: neither
 /// too sure nor too unsure.
 #[test]
 fn catches_lie_where_they_are_claimed() {

@@ -1,4 +1,5 @@
-//! Whatever the images show: no panic, no number that is none, and a status that says what happened.
+//! Edge cases of images: no panic, no number that is none, and a status that says what happened, whatever the
+//! images show.
 
 use std::sync::Arc;
 

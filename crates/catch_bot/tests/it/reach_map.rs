@@ -56,7 +56,7 @@ fn hardly_a_pose_is_reached_sooner_than_the_map_tells() {
     assert!(ReachMap::from_bytes(&robot, &map.to_bytes()).is_some_and(|it| it == map));
 }
 
-/// Whoever draws which samples.
+/// The map is the same whichever thread draws which samples.
 #[test]
 fn the_map_is_the_same_for_any_number_of_threads() {
     let robot = arm();

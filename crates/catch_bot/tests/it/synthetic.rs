@@ -29,7 +29,7 @@ impl Shape {
         Self::Sphere { radius: 0.0336 }
     }
 
-    /// About 0.176 × 0.062 × 0.030 m.
+    /// Banana of about 0.176 × 0.062 × 0.030 m.
     pub fn banana() -> Self {
         Self::bent(0.1)
     }

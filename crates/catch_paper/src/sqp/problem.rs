@@ -29,9 +29,9 @@ pub struct Problem<'a> {
     pub speed_fraction: [f64; 2],
     /// The comfortable pose q₀; without one each program stays near the last one's motion.
     pub comfortable_q: Option<JointVector>,
-    /// On the distance from it, w.
+    /// Weight of the distance from it, w.
     pub comfort_weight: f64,
-    /// On the fraction of the object's velocity, κ.
+    /// Weight of the fraction of the object's velocity, κ.
     pub speed_weight: f64,
     /// True if any motion that meets the waypoints within their tolerances is as good as another.
     pub first_will_do: bool,

@@ -11,19 +11,19 @@ pub const ERRORS: usize = 9;
 /// Tolerances of a motion: position and velocity along each axis, orientation by the angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
-    /// In metres.
+    /// Tolerance of the position in metres.
     pub position_m: f64,
-    /// In radians.
+    /// Tolerance of the orientation in radians.
     pub rotation_error_rad: f64,
-    /// In m/s.
+    /// Tolerance of the velocity in m/s.
     pub velocity_mps: f64,
 }
 
 impl Tolerance {
-    /// None at all.
+    /// No tolerance at all.
     pub const NONE: Self = Self { position_m: 0.0, rotation_error_rad: 0.0, velocity_mps: 0.0 };
 
-    /// One number for each error. Beyond half a turn any orientation will do.
+    /// Tolerance of one of the errors. Beyond half a turn any orientation will do.
     pub fn of(&self, error: usize) -> f64 {
         let rotation_error_rad = if self.rotation_error_rad < PI { self.rotation_error_rad } else { f64::INFINITY };
         [self.position_m, rotation_error_rad, self.velocity_mps][error / 3]
@@ -68,8 +68,8 @@ pub struct Linearized {
 }
 
 impl Linearized {
-    /// Rotates the orientation error into axes of which the first is that of the remaining rotation. So a
-    /// bound of the first is one of the angle, as in Drake.
+    /// Rotates the orientation error into axes of which the first is that of the remaining rotation. A bound
+    /// of its first component is then a bound of the angle, as in Drake.
     pub fn aligned(mut self) -> Self {
         let turn: Vector3<f64> = self.error.fixed_rows::<3>(3).into();
         let axes = Rotation3::rotation_between(&turn, &Vector3::x()).unwrap_or_default();
@@ -151,7 +151,7 @@ mod tests {
     use nalgebra::UnitQuaternion;
     use proptest::prelude::*;
 
-    /// Two turns of 0.08 rad are one of 0.11 rad, and only its own axis counts after alignment.
+    /// Two rotations of 0.08 rad are one of 0.11 rad, and only its own axis counts after alignment.
     #[test]
     fn a_tolerance_of_orientation_is_one_of_the_angle() {
         let robot = iiwa();

@@ -17,7 +17,7 @@ pub(super) struct Disturbance {
 }
 
 impl Disturbance {
-    /// One that begins so long after a contact that is to come.
+    /// Disturbance that begins so long after a contact that is to come.
     pub fn after_contact(after_s: f64) -> Self {
         Self { after_s, contact_s: None }
     }

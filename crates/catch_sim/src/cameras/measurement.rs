@@ -84,7 +84,7 @@ impl DepthCameras {
         &self.cameras
     }
 
-    /// Two cameras exchange their images.
+    /// Exchanges the images of two cameras.
     pub(crate) fn swap(&mut self, one: usize, other: usize) {
         if one.max(other) < self.cameras.len() {
             self.cameras.swap(one, other);
@@ -343,7 +343,7 @@ impl StereoNoise {
     }
 }
 
-/// For each pixel of an image that is `wide` pixels wide what `pick` chooses among all within `reach` rows
+/// Values that `pick` chooses for each pixel of an image, `wide` pixels wide, among all within `reach` rows
 /// and columns.
 fn among_neighbours(values: &[f32], wide: usize, reach: usize, pick: impl Fn(f32, f32) -> f32 + Copy) -> Vec<f32> {
     let merge =

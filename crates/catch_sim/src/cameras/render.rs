@@ -53,8 +53,9 @@ impl Renderer {
         Self { arm: ArmSurface::new(robot, gripper), object: RayCaster::new(object), floor_visible }
     }
 
-    /// One frame per camera, without any error: depth in metres along the optical axis, NaN where there is no
-    /// surface; with `labelled` also which pixels show the object. The cameras stand where their models say.
+    /// Renders one frame per camera, without any error: depth in metres along the optical axis, NaN where
+    /// there is no surface; with `labelled` also which pixels show the object. The cameras stand where their
+    /// models say.
     pub fn render(&self, cameras: &[CameraModel], scene: &Scene, readout: Readout, labelled: bool) -> Vec<DepthFrame> {
         let view = self.view(scene);
         let frame_of = |(index, camera): (usize, &CameraModel)| {
@@ -84,7 +85,7 @@ pub(super) struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    /// With more bodies.
+    /// Adds more bodies.
     pub fn with(mut self, bodies: impl IntoIterator<Item = (Pose, &'a RayCaster)>) -> Self {
         self.others.extend(bodies);
         self
@@ -182,9 +183,9 @@ fn pixels_within(camera: &CameraModel, u: [f64; 2], v: [f64; 2]) -> PixelWindow 
 pub(super) struct Image<'a> {
     pub camera: &'a CameraModel,
     pub window: PixelWindow,
-    /// Along the optical axis in metres, row by row; NaN where nothing was met.
+    /// Depth along the optical axis in metres, row by row; NaN where nothing was met.
     pub depth_m: Vec<f32>,
-    /// For each pixel whether that surface is the object's.
+    /// True for each pixel where that surface is the object's.
     pub shows_object: Option<Vec<bool>>,
     /// Cosine of the angle of incidence there.
     pub facing: Option<Vec<f32>>,

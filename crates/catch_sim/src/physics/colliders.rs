@@ -54,8 +54,8 @@ pub(super) struct Load {
     pub friction_n: math::Vector,
 }
 
-/// Two colliders that may touch. What pushes is part of the machine or fixed; what is pushed is the object or
-/// part of the machine.
+/// Two colliders that may touch. The pushing one is part of the machine or fixed; the pushed one is the
+/// object or part of the machine.
 struct Pair {
     pushing: usize,
     pushed: usize,
@@ -69,12 +69,12 @@ pub(super) struct Touch {
     pub part: Part,
     pub pushing: Body,
     pub pushed: Body,
-    /// From there to what is pushed, in W.
+    /// Normal from the pushing body to the pushed one, in W.
     pub normal: Vector3<f64>,
     pub point: Vector3<f64>,
     /// Distance of the surfaces, below zero where they overlap.
     pub gap_m: f64,
-    /// Of the step before.
+    /// Load of the step before.
     pub load: Load,
     /// The pair and the number of the point in its manifold.
     place: [usize; 2],
@@ -134,7 +134,8 @@ pub(super) struct Colliders {
 }
 
 impl Colliders {
-    /// Of the floor, the arm with what stands around it, and the gripper. The object is still missing.
+    /// Colliders of the floor, the arm with the obstacles around it, and the gripper. The object is still
+    /// missing.
     pub fn new(machine: &Machine, robot: Option<&Robot>, gripper: &Gripper) -> Self {
         let mut new = Self { colliders: Vec::new(), pairs: Vec::new() };
         let up = SharedShape::halfspace(math::Vector::Z);

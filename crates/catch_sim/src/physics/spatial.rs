@@ -75,7 +75,7 @@ pub(super) struct SpatialInertia {
 }
 
 impl SpatialInertia {
-    /// Of a body whose inertia is given in its frame L.
+    /// Spatial inertia of a body whose inertia is given in its frame L.
     pub fn of(inertia: &Inertia, X_WL: &Pose) -> Self {
         let Inertia { mass, com, about_com } = inertia.transformed(X_WL);
         let com = com.coords;

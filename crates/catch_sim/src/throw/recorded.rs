@@ -47,7 +47,7 @@ impl RecordedState {
 pub struct RecordedFlight(Vec<RecordedState>);
 
 impl RecordedFlight {
-    /// Of one state or more; their times begin with zero and rise. `None` where they do not.
+    /// Creates a flight of one state or more; their times begin with zero and rise. `None` where they do not.
     pub fn new(states: Vec<RecordedState>) -> Option<Self> {
         let begins = states.first().is_some_and(|it| it.time_s == 0.0);
         let rises = states.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
@@ -91,11 +91,11 @@ impl RecordedFlight {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FlightSource {
-    /// By the arena's physics, from the recorded release on.
+    /// Flight by the arena's physics, from the recorded release on.
     #[default]
     Released,
-    /// Along the recorded track until something touches it or the recording ends, and by the arena's physics
-    /// from there on.
+    /// Flight along the recorded track until something touches the object or the recording ends, and by the
+    /// arena's physics from there on.
     Recorded,
 }
 

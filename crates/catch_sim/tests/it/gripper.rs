@@ -43,7 +43,7 @@ struct Sample {
     state: GripperState,
 }
 
-/// Without gravity, so that the ball waits to be taken.
+/// Runs the hand without gravity, so that the ball waits to be taken.
 fn run(world: &mut World, drive: &mut GripperDrive, steps: u32) -> Vec<Sample> {
     let step = |step: u32| {
         let time_s = f64::from(step) * STEP_S;

@@ -25,18 +25,18 @@ pub enum EndKind {
 pub enum End {
     /// Position and velocity are given, acceleration within bounds.
     At {
-        /// Radians.
+        /// Position in radians.
         q: f64,
-        /// Rad/s.
+        /// Velocity in rad/s.
         dq: f64,
         /// Lowest and highest acceleration in rad/s², for what comes after.
         ddq: [f64; 2],
         /// Highest speed shortly before, in rad/s.
         last_speed: f64,
     },
-    /// At this position, as fast as the limits allow in one direction.
+    /// The position is given, the velocity is as high as the limits allow in one direction.
     Extreme {
-        /// Radians.
+        /// Position in radians.
         q: f64,
         /// 1 for the highest velocity, −1 for the lowest.
         sign: f64,
@@ -45,26 +45,26 @@ pub enum End {
         /// Continuation after the end.
         onset: Option<Onset>,
     },
-    /// At rest anywhere, with acceleration zero.
+    /// The joint ends at rest anywhere, with acceleration zero.
     Rest,
 }
 
 /// Condition on the continuation of a motion: q̇ + q̈·`duration_s` must keep within ± `velocity`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Onset {
-    /// Seconds.
+    /// Duration in seconds.
     pub duration_s: f64,
-    /// Rad/s.
+    /// Largest velocity in rad/s.
     pub velocity: f64,
 }
 
 /// Position, velocity and acceleration of one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointState {
-    /// Radians.
+    /// Position in radians.
     pub q: f64,
-    /// Rad/s.
+    /// Velocity in rad/s.
     pub dq: f64,
-    /// Rad/s².
+    /// Acceleration in rad/s².
     pub ddq: f64,
 }

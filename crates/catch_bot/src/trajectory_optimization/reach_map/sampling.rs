@@ -23,12 +23,12 @@ const SPREAD: f64 = 0.4;
 pub struct ReachSamples<'a> {
     robot: &'a Robot,
     grid: Grid,
-    /// By voxel, then orientation.
+    /// Earliest times by voxel, then orientation.
     times: Vec<u8>,
 }
 
 impl<'a> ReachSamples<'a> {
-    /// None yet.
+    /// Creates the table without samples.
     pub fn new(robot: &'a Robot) -> Self {
         let grid = Grid::of(robot);
         let times = vec![NEVER; grid.voxels.iter().product::<usize>() * ORIENTATIONS];

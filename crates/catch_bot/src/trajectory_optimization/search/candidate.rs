@@ -26,7 +26,7 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// One that nothing was tried with yet.
+    /// Candidate with which nothing was tried yet.
     pub fn new(sample: usize, ranked: RankedGrasp, margin_cost: f64) -> Self {
         Self { sample, ranked, margin_cost, velocity_trials: 0, failed: 0 }
     }

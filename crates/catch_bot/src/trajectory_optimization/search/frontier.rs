@@ -40,7 +40,7 @@ struct HeapEntry {
 }
 
 impl Frontier {
-    /// Without nodes.
+    /// Creates a frontier without nodes.
     pub fn new(failure_penalty: f64) -> Self {
         Self { failure_penalty, nodes: Vec::new(), heap: BinaryHeap::new() }
     }

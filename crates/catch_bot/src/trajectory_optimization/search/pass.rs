@@ -97,7 +97,7 @@ impl<'a, 's> Pass<'a, 's> {
         }
     }
 
-    /// From a pose to the postures that the joints can reach.
+    /// Expands a pose to the postures that the joints can reach.
     fn expand_pose(&mut self, node: &Node) {
         let (motion, start) = (&self.planner.motion, self.search.start);
         let from = &start.state.q;
@@ -126,7 +126,7 @@ impl<'a, 's> Pass<'a, 's> {
         }
     }
 
-    /// From a posture to the velocities of the joints at the catch.
+    /// Expands a posture to the velocities of the joints at the catch.
     fn expand_posture(&mut self, node: &Node, posture: Posture) {
         let (motion, &mut Search { start, incoming, .. }) = (&self.planner.motion, &mut *self.search);
         let from = &start.state.q;
@@ -157,7 +157,8 @@ impl<'a, 's> Pass<'a, 's> {
         self.frontier.push(Node { stage: Stage::TerminalVelocity(posture, terminal_velocity), cost, ..*node });
     }
 
-    /// From velocities at the catch to a motion that keeps all limits and clearances and lets the object in.
+    /// Expands velocities at the catch to a motion that keeps all limits and clearances, with a free
+    /// approach.
     fn try_motions(&mut self, node: &Node, posture: Posture, balanced: TerminalVelocity) -> Option<CatchPlan> {
         let (planner, motion) = (self.planner, &self.planner.motion);
         let Search { start, incoming, ref mut obstacles, ref mut work, .. } = *self.search;

@@ -7,10 +7,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Weights {
-    /// On the object's speed relative to the gripper, per m/s: what passes the fingers slowly stays.
+    /// Weight of the object's speed relative to the gripper, per m/s: an object that passes the fingers
+    /// slowly stays.
     #[serde(deserialize_with = "quantity::weight")]
     pub speed: f64,
-    /// On the gripper's angular speed, per rad/s.
+    /// Weight of the gripper's angular speed, per rad/s.
     #[serde(deserialize_with = "quantity::weight")]
     pub spin: f64,
 }

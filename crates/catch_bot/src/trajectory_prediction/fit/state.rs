@@ -43,7 +43,7 @@ impl State {
         }
     }
 
-    /// After a step.
+    /// State after a step.
     pub fn moved(&self, step: &SVector<f64, N>, config: &Config) -> Self {
         let turn = step.fixed_rows::<3>(TURN).into_owned();
         // Drag never accelerates; half the prior's width below zero is left to noise. One that is known stays
@@ -113,7 +113,7 @@ mod tests {
     use super::*;
     use crate::trajectory_prediction::AerodynamicPrior;
 
-    /// Against the whole matrix, where orientations are seen or not, and the decay is known or not.
+    /// Compares with the whole matrix, where orientations are seen or not, and the decay is known or not.
     #[test]
     fn parameters_without_a_part_are_left_out() {
         let all = SMatrix::<f64, 20, N>::from_fn(|i, j| libm::sin(((1 + i) * (2 + j)) as f64));
