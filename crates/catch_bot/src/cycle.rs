@@ -332,7 +332,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
         });
         if !flies {
             (self.images, self.explained) = (0, Explained::default());
-            // What rests is no help in finding it again once it has been thrown.
+            // The pose of a resting object does not help to find it again once it has been thrown.
             let is_new = before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > MIN_FLIGHT_MPS * MAX_GAP_S);
             self.bot.tracker.keep_newest(usize::from(is_new));
             self.rests = !is_new;

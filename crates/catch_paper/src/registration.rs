@@ -99,7 +99,7 @@ impl PoseEstimator for IcpEstimator {
             Icp { config, reference, hierarchy }.register(scene, X_WO)
         })?;
         if config.as_published && finder.reference().symmetry == Symmetry::Sphere {
-            // What is dropped takes no part in where the object is: it turns about its own centre.
+            // The dropped rotation leaves the object's position as it is: it is about its own centre.
             found.X_WO.rotation = UnitQuaternion::identity();
         }
         *last_X_WO = Some(found.X_WO);

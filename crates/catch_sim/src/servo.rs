@@ -41,8 +41,8 @@ impl Servo {
     /// A servo that holds the arm at `q`. `model` is the arm as the servo believes it to be and should carry
     /// its gripper; what is random about the controller comes from `draws`.
     pub fn new(model: Robot, q: JointVector, config: RobotController, draws: Draws) -> Self {
-        // What breaks a limit is counted and executed as well as the torque limits allow, and so are
-        // accelerations that jump along a trajectory, as those of the paper's method do at the catch.
+        // Trajectories that break a limit are counted and executed as well as the torque limits allow, and so
+        // are accelerations that jump along a trajectory, as those of the paper's method do at the catch.
         let checks = ExecutorConfig {
             continuous_start: !config.takes_jumps,
             continuous_inside: false,

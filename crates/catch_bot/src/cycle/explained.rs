@@ -99,7 +99,7 @@ mod tests {
         let right = explained(&[4.0; 5], &[1.0]);
         let wrong = explained(&[60.0; 5], &[0.5, 3.0, 3.0, 3.0, 3.0]);
         assert_eq!(best(&[wrong, right].into_iter().enumerate()), Some(1));
-        // Where depths tell no shape there are silhouettes alone.
+        // Without depths that show a shape there are silhouettes alone.
         let (right, wrong) = (explained(&[], &[1.0; 5]), explained(&[], &[2.0; 5]));
         assert_eq!(best(&[wrong, right].into_iter().enumerate()), Some(1));
         assert_eq!(best(&std::iter::empty()), None);

@@ -74,7 +74,7 @@ pub fn fit_gripper(
         reference.points.iter().map(|point| X_GO * point).filter(over_palm).map(|p| p.y).fold(f64::INFINITY, f64::min);
     let backed_off = (gripper.palm_y_m() + PALM_MARGIN_M - lowest).max(0.0);
 
-    // What lies between the fingers, and its middle along the closing direction.
+    // Points between the fingers, and their middle along the closing direction.
     let X_GO = place(Vector3::new(0.0, -backed_off, 0.0)).inverse();
     let between = || {
         reference.points.iter().map(|point| X_GO * point).filter(|p| p.z.abs() < half_gap && p.y > 0.0 && p.y < reach)

@@ -77,7 +77,7 @@ impl ArmEdges {
         edges = edges.into_iter().step_by(step).collect();
         let mean_depth_m = edges.iter().map(|it| f64::from(it.depth_m)).sum::<f64>() / edges.len().max(1) as f64;
         let tolerance_m = (RELIEF_M + threshold_m(mean_depth_m, config)) as f32;
-        // What is behind the arm must differ from it.
+        // The background must differ from the arm.
         edges.retain(|it| !image.is_near_ground(it, 2.0 * tolerance_m));
         Self { window, edges, mean_depth_m, tolerance_m }
     }

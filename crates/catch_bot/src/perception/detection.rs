@@ -116,7 +116,7 @@ impl Detector {
         let blobs = &mut self.blobs;
         blobs.sort_by(|a, b| b.pixels.cmp(&a.pixels).then(a.camera.cmp(&b.camera)));
         blobs.truncate(MAX_BLOBS);
-        // Those of one camera one after the other, so that each camera counts once.
+        // Blobs of one camera one after the other, so that each camera counts once.
         blobs.sort_by_key(|it| it.camera);
 
         // Each pair of rays that meet is tried; with one blob alone its own place.
@@ -174,7 +174,7 @@ impl Detector {
                     let column = run * RUN + i;
                     let uv = Point2::new((left + column) as f64 + 0.5, (top + row) as f64 + 0.5);
                     let is_before = |known_m: f64| f64::from(*both.0) < self::nearer_than_m(known_m, config);
-                    // What is beside costs more rays.
+                    // The surroundings of the pixel cost more rays.
                     if is_before(background.depth_m(&uv)) && is_before(background.nearest_m(&uv)) {
                         self.candidates.push((row * columns + column) as u32);
                     }

@@ -172,7 +172,7 @@ impl Grid {
                     }
                 });
             }
-            // What is known spreads from node to node, but not along a wall too thin to tell.
+            // Known states spread from node to node, but not along a wall that is too thin.
             let looked_at = region.iter().step_by(region.len().div_ceil(MOST_LOOKED_AT));
             let mut known: Vec<(usize, f64)> = Vec::new();
             for &node in looked_at {
@@ -335,7 +335,7 @@ impl OrientedPoints<'_> {
         let far = apart.norm();
         let one = if far < BAND_M { self.side(near, at, nearest) } else { None };
         let Some((one_m, n_1)) = one else {
-            // Which side it is on, all around decide together.
+            // All points around decide together on which side it is.
             let mut side = apart.dot(&normal) * 1e-6;
             near.near(&point, self.reach_m(), |i| {
                 let fraction = 1.0 - (self.points[i] - point).norm_squared() / self.reach_m().powi(2);

@@ -256,7 +256,7 @@ impl ObjectFinder {
                 }
                 let R_WO = expected.map_or_else(UnitQuaternion::identity, |X_WO| X_WO.rotation);
                 let anywhere = registration.register_globally(scene, thinned, &R_WO);
-                // What was tracked stays unless another pose explains the images much better.
+                // The tracked pose stays unless another one explains the images much better.
                 match (tracked, anywhere) {
                     (Some(near), Ok(far)) if !far.explains_much_better(&near) => (near, false),
                     (Some(near), Err(_)) => (near, false),

@@ -125,7 +125,7 @@ impl SceneCloud {
             let in_image = prior.map(|(X_WO, _)| (X_WO, view.in_image(frame, X_WO)));
             let radius_m = reference.radius_m + prior.map_or(0.0, |(_, gate_m)| gate_m);
             let expected = in_image.map(|(_, X_WO)| Expected::new(&X_WO, camera, radius_m));
-            // What was seen of the object then is as if seen from there at the view's capture time.
+            // The object in this image looks as if seen from this pose at the view's capture time.
             let moved = in_image.filter(|(X_WO, then)| **X_WO != *then);
             let X_WC = moved.map_or(camera.X_WC, |(X_WO, then)| X_WO * then.inverse() * camera.X_WC);
             let part = expected.map_or(frame.window, |expected| frame.window.intersection(&expected.window));

@@ -305,7 +305,7 @@ impl<'a> Registration<'a> {
             let (p_W, ray_W) = (sum(&|it| it.p_W.coords), sum(&|it| it.per_depth_W));
             let depth_sd_m = mean_sd_m(image);
             let direction_W = ray_W.normalize();
-            // What faces the camera of a ball lies two thirds of its radius before its centre, on average.
+            // The visible side of a ball lies two thirds of its radius before its centre, on average.
             let beyond_m = direction_W.dot(&(p_W - X_WO.translation.vector)) + FACING_RADII * inner_radius_m;
             let own_fraction = (1.0 - common_fraction) / count;
             let variance_m2 = ray_W.norm_squared() * depth_sd_m.powi(2) * (common_fraction + own_fraction)

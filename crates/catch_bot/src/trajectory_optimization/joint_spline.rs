@@ -195,7 +195,7 @@ impl JointSpline {
         }
 
         let range = ranges(end, duration_s, limits);
-        // Where nothing free enters, it holds, or no motion does.
+        // Quantities without free variables keep their bounds, or no motion does.
         let holds = self.given.iter().all(|quantity| {
             let ([low, high], value) = (range(quantity.of), quantity.dot(&fixed));
             let rounding = 1e-9 * (1.0 + value.abs());

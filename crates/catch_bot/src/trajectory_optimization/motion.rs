@@ -269,9 +269,9 @@ impl MotionPlanner {
     /// object from the catch on. [Braking](Self::braking) keeps the torque limits anyway.
     pub(super) fn is_safe(&self, trajectory: &BSpline, catch_s: f64, grasp: &Grasp) -> bool {
         let (start_s, end_s) = (trajectory.start_s(), trajectory.end_s());
-        // How wide the gripper opens is chosen later.
+        // The aperture is chosen later.
         let widest_m = self.gripper.max_width_m;
-        // What collides mostly does so while braking.
+        // Most collisions occur while braking.
         self.keeps_sampled_speeds(trajectory)
             && self.keeps_clear(trajectory, [catch_s, end_s], widest_m, Some(&grasp.held_G))
             && self.keeps_clear(trajectory, [start_s, catch_s], widest_m, None)

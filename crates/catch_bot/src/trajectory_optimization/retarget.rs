@@ -77,8 +77,8 @@ impl CatchSearch {
     /// Corrects a catch for a flight that is predicted better: same time and grasp, the elbow in the same
     /// position or close by.
     pub fn retarget(&self, to: &Correction) -> Option<CatchPlan> {
-        // What a motion leaves of the limits, the next replan can use: more is taken only where less does not
-        // do.
+        // The next replan can use the part of the limits that a motion leaves: more is taken only where less
+        // is not enough.
         let scaling =
             [0.0, 0.5, 1.0].map(|more| self.motion.replan_scaling().toward(self.motion.moving_scaling(), more));
         let found = scaling.iter().find_map(|scaling| self.adjusted(to, &to.X_WG(), *scaling, &ARM_ANGLES_RAD))?;

@@ -140,7 +140,7 @@ impl CatchSearch {
         apertures.iter().copied().find(|open_m| {
             let travel_m = open_m - grasp.object_width_m;
             let standing_s = lead_s + closing.duration_s(travel_m);
-            // How far the fingers have closed by then; toward the end less and less space is left on purpose.
+            // The hand with the aperture at that time; toward the end less and less space is left on purpose.
             let hand = |before_s: f64| {
                 let width_m = grasp.object_width_m + closing.remaining_m(travel_m, before_s - lead_s);
                 let margin_m = config.approach_margin_m.min((width_m - grasp.object_width_m) / 4.0);

@@ -175,7 +175,7 @@ impl Problem<'_> {
         let force = |motion: &Motion, tumbling: &Tumbling| {
             self.forces.acceleration_mps2(&tumbling.R_WO, &motion.v, &tumbling.w_WO(), tumbling.left)
         };
-        // How far the forces have moved the object, and their part of its velocity.
+        // Displacement of the object by the forces, and their part of its velocity.
         let (mut pushed_m, mut pushed_mps) = (Vector3::zeros(), Vector3::zeros());
         let mut agreeing = 0;
         for (age, pose) in self.poses.iter().rev().enumerate().filter(|(_, pose)| is_finite(pose)) {

@@ -264,7 +264,7 @@ impl FlightTrajectory {
         transition.fixed_view_mut::<3, 4>(3, 3).copy_from(&motion.dv);
         let mut covariance = transition * self.covariance * transition.transpose();
         if self.forces.any() {
-            // What is not known of the forces goes on as a constant acceleration.
+            // The error of the forces continues as a constant acceleration.
             let t = time_s - self.time_s;
             let mut by_force = SMatrix::<f64, 6, 3>::zeros();
             by_force.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(t * t / 2.0);

@@ -114,7 +114,7 @@ mod tests {
         let seen = SVector::<f64, 12>::from_fn(|i, _| libm::cos(5.0 * i as f64));
         let (age_s, variance) = (0.3, 0.07);
         let (mut H, mut g) = (rows.transpose() * rows, -rows.transpose() * seen);
-        // What was seen depends on x − Γ·u.
+        // The observations depend on x − Γ·u.
         let mut by_impulse = SMatrix::<f64, N, 3>::zeros();
         by_impulse.fixed_view_mut::<3, 3>(1, 0).fill_diagonal(age_s);
         by_impulse.fixed_view_mut::<3, 3>(5, 0).fill_diagonal(1.0);

@@ -95,8 +95,7 @@ pub fn best_flight(
     if rotation == Rotation::Free {
         flight.w_WO = typical_spin(poses, &flight, symmetry, config, &mut scratch.turn_rates);
     }
-    // What can be said of its uncertainty without a fit: two points, each as far off as the inliers on
-    // average.
+    // Estimate of its uncertainty without a fit: two points, each as far off as the inliers on average.
     let variance = mean_square_m2 / 3.0;
     let seen_s = (poses[poses.len() - 1].capture_s - poses[0].capture_s).abs().max(1e-3);
     for i in 0..3 {

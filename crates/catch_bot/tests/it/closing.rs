@@ -85,7 +85,7 @@ fn fingers_that_stand_wait_for_what_closing_leaves() {
     let back_m = v * v / (2.0 * a);
     let least_s = v / a + (0.02 + back_m) / v + v / (2.0 * a);
     let wait_s = closing.wait_s(opening, 0.075, 0.03, least_s + 0.02);
-    // What they open by while they wait is closed at the same speed.
+    // The distance by which they open while they wait is closed at the same speed.
     assert!((wait_s - 0.01).abs() < 1e-9, "{wait_s}");
 }
 

@@ -125,8 +125,7 @@ fn an_object_that_leaves_the_view_is_found_as_long_as_it_is_shown() {
         let shown = frames.iter().flat_map(|frame| &frame.depth_m).filter(|depth| depth.is_finite()).count();
         match bench.find(&frames, Some(&last)) {
             Ok(pose) => {
-                // What is left of an object that most images' edges cut off tells little more than where it
-                // is.
+                // The rest of an object that most images' edges cut off shows little more than its position.
                 let off_m = (pose.X_WO.translation.vector - X_WO.translation.vector).norm();
                 whole = whole.max(pose.points);
                 let limit_m = if 3 * pose.points < whole { bench.reference.radius_m } else { 0.01 };

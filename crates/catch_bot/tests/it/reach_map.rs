@@ -44,7 +44,7 @@ fn hardly_a_pose_is_reached_sooner_than_the_map_tells() {
     }
     assert!(late * 500 <= count, "{late} of {count} are called late");
     assert!(never * 2000 <= count, "{never} of {count} are called much too late");
-    // And it tells something: hardly any pose is reached at once.
+    // The map is not trivial: hardly any pose is reached at once.
     let q = robot.joint_vector(&[1.5, -1.0, 1.0, -2.5, 1.0, 1.0, -1.0]).unwrap();
     assert!(map.least_time_s(&robot.gripper_pose(&q)) > 0.3);
     assert!(!map.is_in_time(&robot.gripper_pose(&q), 0.2));

@@ -154,7 +154,7 @@ impl DepthCameras {
                 return None;
             }
             let window = view.window(index, camera, readout, edge_px);
-            // What a pixel shows depends on its neighbours too.
+            // A pixel's measurement depends on its neighbours too.
             let exact = view.image(camera, widened(camera, &window, edge_px), channels);
             let hidden = self.holes.as_ref().map(|holes| holes.pixels(&exact.part(window), scene.X_WO));
             let pixels = key.part(Place::Pixels as u64);

@@ -144,7 +144,7 @@ impl Problem<'_> {
         gradient[DECAY] += decay * (state.decay_per_s - self.config.aerodynamics.spin_decay_per_s);
         let mut spin = Matrix3::identity();
         if let Symmetry::Axis { axis, axial_inertia, .. } = self.symmetry {
-            // What turns an axis is less than the spin about it.
+            // The angular velocity across the axis is less than the spin about it.
             let axis_W = state.R_WO * axis.into_inner();
             spin += axis_W * axis_W.transpose() * (axial_inertia.powi(-2) - 1.0);
         }
