@@ -27,7 +27,7 @@ use nalgebra::Vector3;
 use synthetic::{Noise, Shape};
 
 const BASELINE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/instructions.txt");
-/// By how much more instructions than in the baseline a stage may take.
+/// Relative increase of a stage's instruction count over the baseline that is allowed.
 const TOLERANCE: f64 = 0.1;
 
 /// Stages by name.
@@ -55,7 +55,7 @@ fn main() {
     }
 }
 
-/// What valgrind counts: the second of two runs, when buffers are as large as they need to be.
+/// Runs a stage twice, of which valgrind counts the second run, when buffers are as large as they need to be.
 fn run<T>(mut work: impl FnMut() -> T) {
     black_box(work());
     black_box(counted(&mut work));
@@ -103,12 +103,12 @@ fn told() -> trajectory_prediction::Config {
     trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), ..Default::default() }
 }
 
-/// And an error that successive poses have in common.
+/// Prediction settings with an error that successive poses have in common.
 fn expected() -> trajectory_prediction::Config {
     trajectory_prediction::Config { correlated_sd_per_m: Some(3e-4), ..told() }
 }
 
-/// And forces that depend on orientation and spin.
+/// Prediction settings that also have forces that depend on orientation and spin.
 fn with_forces() -> trajectory_prediction::Config {
     let aerodynamics = AerodynamicPrior {
         drag_deviation_sd_per_m: 0.015,

@@ -52,7 +52,7 @@ fn prediction(criterion: &mut Criterion) {
     });
 }
 
-/// What is done once for an object.
+/// Benchmark of an object's reference model, which is built once for each object.
 fn reference(criterion: &mut Criterion) {
     for (name, shape) in Shape::all() {
         let scan = synthetic::scan(&shape, 200);

@@ -23,38 +23,38 @@ use explained::Explained;
 
 /// Images after which an object in flight is told from the others: with the first one nothing has moved yet.
 const IDENTIFY_IMAGES: usize = 3;
-/// What moves slower does not fly, in m/s.
+/// Least speed of an object in flight, in m/s.
 const MIN_FLIGHT_MPS: f64 = 0.5;
-/// What seems faster has been exchanged for another object, in m/s.
+/// Largest speed of an object in flight, in m/s; a faster one has been exchanged for another object.
 const MAX_FLIGHT_MPS: f64 = 30.0;
 /// Longest time between two images of one flight, in seconds.
 const MAX_GAP_S: f64 = 0.1;
 /// An object that has been followed for so long without a plan is not caught any more, in seconds.
 const GIVE_UP_S: f64 = 1.5;
-/// From the catch on: how long the fingers are given to close upon the object, in seconds.
+/// Time from the catch on for the fingers to close upon the object, in seconds.
 const SQUEEZE_S: f64 = 0.3;
-/// How long the gripper is given to open, and the object to fall out of it, in seconds.
+/// Time for the gripper to open and the object to fall out of it, in seconds.
 const RELEASE_S: f64 = 0.5;
 /// Fingers that have closed to less than this fraction of the object's width hold nothing.
 const MIN_HELD_FRACTION: f64 = 0.5;
-/// How often the motions of one phase are sent at most: one that is rejected again and again never will be
-/// accepted.
+/// Largest number of times that the motions of one phase are sent: a motion that is rejected again and again
+/// never will be accepted.
 const MAX_SENT: usize = 20;
-/// How long a motion may be overdue before it is sent anew, in seconds.
+/// Time by which a motion may be overdue before it is sent anew, in seconds.
 const MAX_OVERDUE_S: f64 = 0.05;
-/// Two images less than this apart tell no speed, in seconds.
+/// Least time between two images that determine a speed, in seconds.
 const LEAST_SPAN_S: f64 = 0.005;
 
-/// What the brain is at.
+/// Phase of the catching cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
     /// The arm stands in its ready pose; nothing flies that is known.
     Waiting,
     /// An object flies, and has been told from the others.
     Catching,
-    /// It is between the fingers, and the arm stands still.
+    /// The object is between the fingers, and the arm stands still.
     Holding,
-    /// It is on its way to where it is put down.
+    /// The object is carried to its placing pose.
     Placing,
     /// The hand is empty, and on its way to the ready pose.
     Returning,
@@ -67,13 +67,13 @@ pub enum Phase {
 #[derive(Debug)]
 struct Candidate<E, P, C> {
     bot: CatchingBot<E, P, C>,
-    /// How well it explains the images of the present flight.
+    /// Mismatch between this object and the images of the present flight.
     explained: Explained,
     /// Images of the present flight.
     images: usize,
-    /// Where and when the object was seen last.
+    /// Time and position at which the object was seen last.
     seen: Option<(f64, Point3<f64>)>,
-    /// Whether it stood still there.
+    /// True if the object stood still there.
     rests: bool,
 }
 
@@ -89,13 +89,14 @@ struct Motion {
 #[derive(Debug)]
 pub struct CatchingCycle<E, P, C> {
     config: CycleConfig,
-    /// Where the arm puts objects down: joint positions in radians, in which the gripper opens.
+    /// Placing posture: joint positions in radians, in which the gripper opens.
     place_q: JointVector,
     candidates: Vec<Candidate<E, P, C>>,
     phase: Phase,
     /// The object that flies or is held.
     active: usize,
-    /// When the present phase began, or since when the gripper has been open while an object is put down.
+    /// Start of the present phase, or, while an object is put down, the time since which the gripper has been
+    /// open.
     since_s: f64,
     motion: Option<Motion>,
     /// Motions of the present phase that were sent.
@@ -104,11 +105,11 @@ pub struct CatchingCycle<E, P, C> {
 }
 
 impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, C> {
-    /// For objects that are known by their brains, which must be of the same arm, gripper and cameras. What
-    /// was caught is put down at the joint positions `place_q`, in radians.
+    /// Creates the cycle for objects by their brains, which must be of the same arm, gripper and cameras. A
+    /// caught object is put down at the joint positions `place_q`, in radians.
     ///
     /// # Errors
-    /// A setting that is out of its range.
+    /// If a setting is out of its range.
     ///
     /// # Panics
     /// Without any object.
@@ -136,7 +137,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         })
     }
 
-    /// What it is at.
+    /// Phase of the cycle.
     pub fn phase(&self) -> Phase {
         self.phase
     }
@@ -146,7 +147,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         self.active
     }
 
-    /// What the brain of that object knew and decided in the last tick; `None` unless it catches.
+    /// State and decision of the active object's brain in the last tick; `None` unless it catches.
     pub fn report(&self) -> Option<&Report> {
         (self.phase == Phase::Catching).then(|| self.candidates[self.active].bot.report())
     }
@@ -295,17 +296,18 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     }
 }
 
-/// Whether the fingers stand where the object of the plan keeps them apart. A gripper's own word does not do:
-/// one that squeezes a soft object further says that it has lost it.
+/// Returns whether the object is held: the gripper reports so, or the fingers are as far apart as the object
+/// of the plan keeps them. The report alone is not enough: a gripper that squeezes a soft object further
+/// reports that it has lost it.
 fn is_held(gripper: &GripperState, plan: &CatchPlan) -> bool {
     gripper.grasp == GraspState::Holding || gripper.width_m > MIN_HELD_FRACTION * plan.grasp.object_width_m
 }
 
-/// How far a motion got.
+/// Progress of a motion.
 enum Progress {
-    /// On its way.
+    /// The motion is on its way.
     Going(Command),
-    /// There.
+    /// The motion has arrived.
     Arrived,
     /// No motion keeps all limits and clearances.
     NoWay,
@@ -330,7 +332,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
         });
         if !flies {
             (self.images, self.explained) = (0, Explained::default());
-            // What rests is no help in finding it again once it has been thrown.
+            // The pose of a resting object does not help to find it again once it has been thrown.
             let is_new = before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > MIN_FLIGHT_MPS * MAX_GAP_S);
             self.bot.tracker.keep_newest(usize::from(is_new));
             self.rests = !is_new;

@@ -58,10 +58,10 @@ use trajectory_prediction::{FlightPredictor, FlightTrajectory, InformationFit};
 pub use control::Status;
 pub use preparation::{Config, Preparation};
 
-/// What the brain knew and decided in its last tick, for observers.
+/// State and decision of the brain in its last tick, for observers.
 #[derive(Debug, Clone, Default)]
 pub struct Report {
-    /// How far the tick got.
+    /// Status of the tick.
     pub status: Status,
     /// The newest pose, if this tick found one.
     pub pose: Option<ObjectPose>,
@@ -71,19 +71,19 @@ pub struct Report {
     pub plan: Option<CatchPlan>,
     /// Closing of the gripper as commanded last.
     pub closing: Option<GripperPlan>,
-    /// How well each camera works.
+    /// Status of each camera.
     pub cameras: Vec<CameraStatus>,
-    /// How often arithmetic has failed in this throw.
+    /// Numbers of numerical failures in this throw.
     pub numerical_failures: NumericalFailures,
 }
 
-/// How often arithmetic failed where nothing was infeasible: a program that a solver gave up, a matrix that
-/// could not be factorized.
+/// Numbers of failures of arithmetic, which say nothing of feasibility: a program that a solver gave up, a
+/// matrix that could not be factorized.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct NumericalFailures {
-    /// In trajectory prediction.
+    /// Failures in trajectory prediction.
     pub prediction: u32,
-    /// In grasp selection and trajectory optimization.
+    /// Failures in grasp selection and trajectory optimization.
     pub planning: u32,
 }
 
@@ -96,7 +96,7 @@ pub struct CatchingBot<E = SdfEstimator, P = InformationFit, C = TimeGridSearch>
     planner: C,
 
     tracker: Tracker,
-    /// As predicted last.
+    /// The flight as predicted last.
     flight: Option<FlightTrajectory>,
     controller: Controller,
     report: Report,
@@ -141,12 +141,12 @@ impl<E, P, C> CatchingBot<E, P, C> {
         Self { known, estimator, predictor, planner, tracker, flight: None, controller, report: Report::default() }
     }
 
-    /// What the last tick knew and decided.
+    /// State and decision of the last tick.
     pub fn report(&self) -> &Report {
         &self.report
     }
 
-    /// What was worked out beforehand.
+    /// The models and tables that were prepared beforehand.
     pub fn known(&self) -> &Arc<Preparation> {
         &self.known
     }
@@ -218,7 +218,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
         self.close_report(status, None, Command { windows, ..Command::default() })
     }
 
-    /// What follows from the poses so far; `pose` is the newest, if this tick found one.
+    /// Acts on the poses found so far; `pose` is the newest, if this tick found one.
     fn act_on(&mut self, observation: &Observation, pose: Option<ObjectPose>, probe: &mut dyn Probe) -> Command {
         let Some(first) = self.tracker.poses().first() else {
             return self.close_report(Status::NoObject, pose, Command::default());

@@ -23,31 +23,31 @@ use crate::{
 pub struct Config {
     /// Seed of everything that is drawn at random.
     pub seed: u64,
-    /// From images to the object's pose.
+    /// Settings of perception: from images to the object's pose.
     pub perception: perception::Config,
-    /// From poses to a flight.
+    /// Settings of trajectory prediction: from poses to a flight.
     pub trajectory_prediction: trajectory_prediction::Config,
-    /// Where and how to hold the object.
+    /// Settings of grasp selection: from a flight to grasps of the object.
     pub grasp_selection: grasp_selection::Config,
-    /// How the arm gets there.
+    /// Settings of trajectory optimization: from a grasp to the arm's motion.
     pub trajectory_optimization: trajectory_optimization::Config,
     /// Commands and their timing.
     pub control: control::Config,
 }
 
 impl Config {
-    /// Whether every setting is within the range that it has in files.
+    /// Checks that every setting is within the range that it has in files.
     ///
     /// # Errors
-    /// Those that are not.
+    /// If a setting is out of its range.
     pub fn check(&self) -> Result<(), InputError> {
         // Seeds have no range, and files no numbers that large.
         InputError::check_settings("settings of the brain", &Self { seed: 0, ..self.clone() })
     }
 
-    /// These settings with what is known beforehand wherever they say nothing themselves: of the object, how
-    /// much the air brakes it, how it bounces, what it weighs and where its centre of mass may be; of the
-    /// cameras, what their data sheets say. Where these differ, the worst counts.
+    /// Completes these settings by prior knowledge wherever they are not set: of the object, its drag, its
+    /// restitution, its mass and the uncertainty of its centre of mass; of the cameras, their data sheets.
+    /// Where these differ, the worst counts.
     #[must_use]
     pub fn given(mut self, object: &ObjectFigures, cameras: &[CameraModel]) -> Self {
         let prediction = &mut self.trajectory_prediction;
@@ -80,8 +80,9 @@ impl Config {
     }
 }
 
-/// What is worked out before anything flies, once for any number of throws: the object's model from its scan,
-/// its grasp candidates, the planner for the arm, and what the cameras see of the arm while it waits.
+/// Models and tables that are prepared before anything flies, once for any number of throws: the object's
+/// model from its scan, its grasp candidates, the planner for the arm, and the cameras' view of the waiting
+/// arm.
 #[derive(Debug)]
 pub struct Preparation {
     config: Config,
@@ -96,7 +97,8 @@ pub struct Preparation {
 }
 
 impl Preparation {
-    /// For an arm with a gripper, cameras at known places, and an object known from a scan.
+    /// Prepares catches with an arm and its gripper, cameras at known poses, and an object that is known from
+    /// a scan.
     ///
     /// The arm is expected to wait at [`Robot::ready_q`] with its gripper open; if it waits elsewhere, the
     /// first images take longer. `reach_map` is that of this arm and pose, if it is
@@ -141,12 +143,12 @@ impl Preparation {
         &self.reference
     }
 
-    /// Its grasp candidates.
+    /// Grasp candidates of the object.
     pub fn grasps(&self) -> &Arc<GraspSet> {
         &self.grasps
     }
 
-    /// What finds catches and moves the arm to them.
+    /// Search for catches and for the arm's motions to them.
     pub fn search(&self) -> &Arc<CatchSearch> {
         &self.search
     }

@@ -24,7 +24,7 @@ const LOST_AFTER_S: f64 = 0.05;
 /// Poses that are remembered, more than any prediction looks back at.
 const POSES: usize = 1024;
 
-/// What the encoders said at one time.
+/// Readings of the encoders at one time.
 #[derive(Debug, Clone, Copy)]
 struct Sensed {
     time_s: f64,
@@ -33,23 +33,23 @@ struct Sensed {
     width_m: f64,
 }
 
-/// What the brain has seen of the arm and of the object.
+/// Observations of the arm and of the object.
 #[derive(Debug, Clone)]
 pub(crate) struct Tracker {
     /// The cameras, as far as images of the arm have told where they look.
     alignment: CameraAlignment,
-    /// What is wrong with them.
+    /// Faults of the cameras.
     health: CameraHealth,
-    /// Oldest first.
+    /// Readings of the encoders, oldest first.
     sensed: VecDeque<Sensed>,
     /// Times of the newest observation with images and of the one before.
     imaged_s: [Option<f64>; 2],
-    /// Oldest first.
+    /// Poses of the object, oldest first.
     poses: Vec<ObjectPose>,
-    /// Whether single images are registered by themselves, too: work for lives of many throws, which tell of
+    /// True if single images are also registered by themselves: for operation over many throws, which reveal
     /// displaced cameras.
     pub compares_cameras: bool,
-    /// How often a single image was registered by itself.
+    /// Number of single images that were registered by themselves.
     compared: usize,
     /// Poses from single images, each with its camera.
     image_poses: Vec<(usize, ObjectPose)>,
@@ -72,7 +72,7 @@ impl Tracker {
         }
     }
 
-    /// How far each camera is off from a flight, by its own images.
+    /// Offset of each camera from a flight, by its own images.
     pub fn camera_offsets(&self, flight: &FlightTrajectory) -> Vec<CameraOffset> {
         let images = self.image_poses.iter().map(|(camera, pose)| {
             let shift_m = pose.X_WO.translation.vector - flight.pose_at(pose.capture_s).translation.vector;
@@ -197,8 +197,8 @@ impl Tracker {
         Some(self.alignment.cameras().iter().zip(self.health.left_out()).map(window).collect())
     }
 
-    /// Where the object should be: on the last flight, or, before there is one, where it was seen last. The
-    /// latter keeps an object that looks the same from two sides from turning over between the first images.
+    /// Expected pose of the object: on the last flight, or, before there is one, the last measured pose. The
+    /// latter keeps an object that looks the same from two sides from flipping between the first images.
     fn expected_pose(&self, flight: Option<&FlightTrajectory>, time_s: f64) -> Option<Pose> {
         flight.map(|flight| flight.pose_at(time_s)).or_else(|| self.poses.last().map(|pose| pose.X_WO))
     }
@@ -237,8 +237,8 @@ fn remember(poses: &mut Vec<ObjectPose>, pose: ObjectPose) {
     poses.insert(at, pose);
 }
 
-/// How many of these images, oldest first, are registered together: those of one capture time, or all within
-/// some milliseconds where it is known how the object moves.
+/// Number of these images, oldest first, that are registered together: those of one capture time, or all
+/// within some milliseconds where the object's motion is known.
 fn together(frames: &[DepthFrame], moves_as_known: bool) -> usize {
     let span_s = if moves_as_known { TOGETHER_S } else { 0.0 };
     frames.iter().take_while(|it| it.capture_s - frames[0].capture_s <= span_s).count().max(1)
@@ -306,7 +306,8 @@ mod tests {
         Preparation::new(Config::default(), (robot, None), gripper, synthetic::flight_rig(), &scan).unwrap()
     }
 
-    /// Also where no pose is found, which a turn by the number of poses would not outlast.
+    /// Each camera is compared in turn, even where no pose is found; a turn by the number of poses would end
+    /// there.
     #[test]
     fn each_camera_gets_its_turn_to_be_compared() {
         let known = preparation();

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Whether surface and normals are estimated from all points of the scan (code): their means in cubes of
+    /// True if surface and normals are estimated from all points of the scan (code): their means in cubes of
     /// 2.5 mm, and the direction in which 30 neighbours extend least. Half of these normals point inwards,
     /// and no grasp comes from there. Else those of our own reference are taken.
     pub estimates_normals: bool,
@@ -37,8 +37,8 @@ const SAMPLES: usize = 2000;
 const DARBOUX_RADIUS_M: f64 = 0.002;
 /// The gripper's origin is this far from the surface, in metres.
 const STANDOFF_M: f64 = 0.05;
-/// The same for the banana. The code knows it by its name; here what is longer than [`LONG_RADIUS_M`] counts
-/// as one.
+/// Distance of the gripper's origin from the surface of the banana, in metres. The code recognizes the banana
+/// by its name; here an object longer than [`LONG_RADIUS_M`] counts as one.
 const LONG_STANDOFF_M: f64 = 0.04;
 /// Distance of the farthest point from the centre of mass, in metres, beyond which an object counts as long.
 const LONG_RADIUS_M: f64 = 0.06;
@@ -148,7 +148,7 @@ fn comfort(X_WG: &Pose, base: &Point3<f64>) -> f64 {
     outward.map_or(0.0, |outward| (X_WG * Vector3::y()).dot(&outward))
 }
 
-/// Whether the open gripper is clear of the object and something is between its fingers (code).
+/// Returns whether the open gripper is clear of the object and something is between its fingers (code).
 fn fits(points: &[Point3<f64>], gripper: &Gripper, X_OG: &Pose) -> bool {
     let [left, right] = gripper.fingers(gripper.max_width_m);
     let boxes = [left, right, gripper.body()];

@@ -29,29 +29,29 @@ const FIRST_GUESS_S: f64 = 1.0;
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Whether the gripper follows the object from 0.12 s before the catch, not 30 ms, within ±0.5 m at a
+    /// True if the gripper follows the object from 0.12 s before the catch, not 30 ms, within ±0.5 m at a
     /// replan, not ±0.2 m, at any velocity, and in an orientation as strict as at the catch, not ten times as
     /// loose.
     pub loose_pre_grasp: bool,
-    /// Whether the duration of a motion has tolerances, and its guess is that of the last motion, one second
-    /// at first; else it is the one that is wanted.
+    /// True if the duration of a motion has tolerances, and its guess is that of the last motion, one second
+    /// at first; else the duration is the required one.
     pub loose_time: bool,
-    /// Whether the last link starts where it is sensed, within the tolerances of the catch, with free joints;
+    /// True if the last link starts at its sensed pose, within the tolerances of the catch, with free joints;
     /// else motions start in the state of the joints.
     pub starts_anywhere: bool,
-    /// Whether the spline goes on for 0.6 s after the catch without coming to rest, and each program stays
+    /// True if the spline goes on for 0.6 s after the catch without coming to rest, and each program stays
     /// near the last one's motion; else it ends there, braking follows, and programs keep near the
     /// comfortable pose.
     pub goes_on: bool,
-    /// Whether motions that break acceleration limits or collide are carried out. Neither text nor code has
-    /// acceleration limits in its programs or checks motions; by default they are.
+    /// True if motions that break acceleration limits or collide are carried out. Neither text nor code has
+    /// acceleration limits in its programs or checks motions; by default both are enforced.
     pub unchecked: bool,
-    /// Whether what could not be solved is carried out, and is the guess of the next program.
+    /// True if a program that could not be solved is carried out, and is the guess of the next one.
     pub keeps_unsolved: bool,
-    /// Whether the gripper keeps the orientation that it was planned with first; its position follows the
+    /// True if the gripper keeps the orientation that it was planned with first; its position follows the
     /// flight.
     pub freezes_orientation: bool,
-    /// Whether inverse kinematics for the guess takes the last link's axes for those of the gripper, and a
+    /// True if inverse kinematics for the guess takes the last link's axes for those of the gripper, and a
     /// point 1 cm beyond the gripper's origin is meant to be there.
     pub confuses_wrist: bool,
 }
@@ -73,19 +73,20 @@ const TIGHTENING: f64 = 0.875;
 /// Weight of the distance from the comfortable pose. It makes the programs convex; any motion within the
 /// tolerances will do, as in the code.
 const COMFORT_WEIGHT: f64 = 1e-4;
-/// How long the spline goes on after the catch, in seconds (code).
+/// Time for which the spline goes on after the catch, in seconds (code).
 const TAIL_S: f64 = 0.6;
-/// How far beyond the gripper's origin, along its approach, the point is that the code welds to it, in
+/// Distance of the point that the code welds to the gripper's origin beyond it, along the approach, in
 /// metres.
 const WELD_ERROR_M: f64 = 0.01;
 
-/// From when on the gripper follows the object, and how much looser its tolerances are then.
+/// Pre-grasp phase, in which the gripper follows the object: its start, and how much looser the tolerances
+/// are then.
 struct PreGrasp {
-    /// How long before the catch, in seconds.
+    /// Start of the phase, in seconds before the catch.
     before_s: f64,
     /// Factors on the tolerances of its position and orientation.
     loosening: [f64; 2],
-    /// Whether its velocity counts.
+    /// True if the velocity counts.
     has_velocity: bool,
 }
 
@@ -176,7 +177,7 @@ pub fn follow(
     Some(catch_plan(planner, &goal, &found.spline, trajectory))
 }
 
-/// Where the gripper is to meet the object.
+/// Goal of the motion: the pose at which the gripper is to meet the object.
 struct Goal<'a> {
     flight: &'a FlightTrajectory,
     catch_s: f64,
@@ -244,8 +245,8 @@ fn inverse_kinematics(planner: &MotionPlanner, X_WG: &Pose, config: &Config) -> 
     solution(X_WG)
 }
 
-/// Both poses of the gripper, before the grasp and at it, and the velocities there; that of the last link at
-/// the start if joints are free there.
+/// Problem of a motion with both poses of the gripper, before the grasp and at it, and the velocities there;
+/// also with that of the last link at the start if joints are free there.
 fn problem<'a>(
     planner: &'a MotionPlanner,
     start: &Start,

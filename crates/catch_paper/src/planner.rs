@@ -25,7 +25,7 @@ pub struct PaperPlanner {
 }
 
 impl PaperPlanner {
-    /// For the arm and the object of a preparation; grasps are drawn by `seed`.
+    /// Creates the planner for the arm and the object of a preparation; grasps are drawn by `seed`.
     pub fn new(config: Config, known: &Preparation, seed: u64) -> Self {
         Self { config, reference: known.reference().clone(), search: known.search().clone(), seed }
     }
@@ -52,7 +52,7 @@ impl PaperPlanner {
     }
 }
 
-/// Where a motion starts: in what the arm is commanded, or where the arm is.
+/// Start of a motion: the commanded state of the arm, or the sensed one.
 fn start(situation: &Situation<'_>, config: &motion::Config) -> Start {
     let Start { time_s, state } = situation.start;
     let (q, dq) = situation.sensed;

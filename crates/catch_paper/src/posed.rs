@@ -23,10 +23,10 @@ use catch_bot::trajectory_optimization::{
 use catch_cell::BSpline;
 use nalgebra::{Point3, Vector3};
 
-/// Where the gripper is to be, and where the object goes.
+/// Target of a catch: pose of the gripper, and velocity of the object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
-    /// When, in seconds on the cell's clock.
+    /// Time of the catch, in seconds on the cell's clock.
     pub catch_s: f64,
     /// Pose of the gripper in W then.
     pub X_WG: Pose,
@@ -54,7 +54,7 @@ const REFINEMENTS: usize = 8;
 /// Fraction of the acceleration limits at which the exact bounds are usually within a spline's reach.
 const EASY_FRACTION: f64 = 0.9;
 
-/// One call's circumstances.
+/// Inputs of one call.
 pub(super) struct Task<'a> {
     pub planner: &'a MotionPlanner,
     splines: &'a CatchSplines,
@@ -73,13 +73,13 @@ pub struct PosedPlanner {
 }
 
 impl PosedPlanner {
-    /// Over the motions that can be generated.
+    /// Creates the planner over the motions that can be generated.
     pub fn new(motion: MotionPlanner) -> Self {
         let splines = CatchSplines::new(&[1.0; 10], false);
         Self { motion, splines }
     }
 
-    /// What generates the motions.
+    /// Planner of the motions.
     pub fn motion(&self) -> &MotionPlanner {
         &self.motion
     }
@@ -130,7 +130,7 @@ impl PosedPlanner {
         }
     }
 
-    /// The same catch for a target that has moved a little: the elbow stays where it is.
+    /// Adjusts a catch to a target that has moved a little: the elbow stays where it is.
     pub fn retarget_at(
         &self,
         start: &Start,
@@ -159,7 +159,7 @@ impl PosedPlanner {
 }
 
 impl Task<'_> {
-    /// What each joint can reach, within its range.
+    /// Interval of positions that each joint can reach, within its range.
     pub fn ranges(&self) -> [[f64; 2]; MAX_JOINTS] {
         self.planner.ranges(&self.reaches, &self.start.state.q)
     }

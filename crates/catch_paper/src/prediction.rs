@@ -14,11 +14,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SamplingConfig {
-    /// Whether of flights with as many inliers that is taken from which the sum of distances and angles is
-    /// the least (code), not the mean squared distance (text).
+    /// True if among flights with equally many inliers the one with the least sum of distances and angles is
+    /// taken (code), not the least mean squared distance (text).
     pub ties_by_sum: bool,
-    /// Whether turns about an axis of symmetry are left out, as nobody can see them. The code takes for spin
-    /// what the registration makes of them.
+    /// True if rotations about an axis of symmetry are left out, as nobody can see them. The code takes the
+    /// rotations that the registration finds for spin.
     pub knows_symmetry: bool,
 }
 
@@ -38,8 +38,8 @@ pub struct RansacPredictor {
 }
 
 impl RansacPredictor {
-    /// For an object of some symmetry; poses are sampled at random by `seed`, always [`SAMPLES`] pairs of
-    /// them.
+    /// Creates the predictor for an object of some symmetry; poses are sampled at random by `seed`, always
+    /// [`SAMPLES`] pairs of them.
     pub fn new(config: Config, settings: SamplingConfig, symmetry: Symmetry, seed: u64) -> Self {
         let symmetry = if settings.knows_symmetry { symmetry } else { Symmetry::default() };
         let ties = if settings.ties_by_sum { TieBreak::Sum } else { TieBreak::MeanSquare };

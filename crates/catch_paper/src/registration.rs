@@ -22,15 +22,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Whether it is that of the authors' code, not that of the text. The code starts from the last pose that
-    /// it found, at first from the scan's own frame at the world's origin, far from the object and turned
-    /// against it; pairs all points with all of the scan; goes on until the mean distance of the pairs
-    /// settles; takes whatever comes out; and keeps the orientation of the scan for an object that looks the
-    /// same from all sides.
+    /// True for the registration of the authors' code, false for that of the text. The code starts from the
+    /// last pose that it found, at first from the scan's own frame at the world's origin, far from the object
+    /// and rotated against it; pairs all points with all of the scan; goes on until the mean distance of the
+    /// pairs settles; takes whatever comes out; and keeps the orientation of the scan for an object that
+    /// looks the same from all sides.
     pub as_published: bool,
 }
 
-/// How a registration ends, and what it believes.
+/// Criteria at which a registration ends, and up to which it is accepted.
 #[derive(Debug, Clone, Copy)]
 struct Ending {
     /// Iterations at most.
@@ -40,9 +40,10 @@ struct Ending {
     residual_m: f64,
 }
 
-/// It has converged when a step is shorter than this in metres, at the object's surface.
+/// A registration has converged when a step is shorter than this in metres, at the object's surface.
 const TOLERANCE_M: f64 = 1e-5;
-/// Or when the mean distance of the pairs changes by less than this fraction (code).
+/// A registration has also converged when the mean distance of the pairs changes by less than this fraction
+/// (code).
 const RELATIVE_TOLERANCE: f64 = 1e-5;
 /// All points of the images count, however far from the last pose (code).
 const ANYWHERE_M: f64 = 3.0;
@@ -76,7 +77,8 @@ pub struct IcpEstimator {
 }
 
 impl IcpEstimator {
-    /// For a known object. The workspace holds the buffers, best those of [`Workspace::before_flight`].
+    /// Creates the estimator for a known object. The workspace holds the buffers, best those of
+    /// [`Workspace::before_flight`].
     pub fn new(
         config: Config,
         perception: perception::Config,
@@ -97,7 +99,7 @@ impl PoseEstimator for IcpEstimator {
             Icp { config, reference, hierarchy }.register(scene, X_WO)
         })?;
         if config.as_published && finder.reference().symmetry == Symmetry::Sphere {
-            // What is dropped takes no part in where the object is: it turns about its own centre.
+            // The dropped rotation leaves the object's position as it is: it is about its own centre.
             found.X_WO.rotation = UnitQuaternion::identity();
         }
         *last_X_WO = Some(found.X_WO);
@@ -128,7 +130,7 @@ fn vector(point: &Point3<f64>) -> Vector {
     Vector::new(point.x, point.y, point.z)
 }
 
-/// What a registration works with.
+/// Inputs of a registration.
 struct Icp<'a> {
     config: &'a Config,
     reference: &'a ReferenceModel,
@@ -235,7 +237,8 @@ fn turn(covariance: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
 mod tests {
     use super::*;
 
-    /// What is left by rounding of pairs with one point is no turn; that of pairs with several is found.
+    /// Rounding errors of pairs with one point give no rotation; the rotation of pairs with several points is
+    /// found.
     #[test]
     fn pairs_with_one_point_tell_of_no_turn() {
         assert_eq!(turn(&(Matrix3::new(8.0, 1.0, 0.0, -2.0, 0.5, 3.0, 0.0, 1.0, 0.2) * 1e-14)), None);

@@ -118,7 +118,7 @@ impl Problem<'_> {
         Ok(Solution { spline, speed_fraction, excess, iterations, converged })
     }
 
-    /// By how much the worst error of some motion exceeds its tolerance.
+    /// Excess of the worst error of some motion over its tolerance.
     pub fn excess_of(&self, motion: impl Fn(f64) -> Setpoint, fraction: f64) -> f64 {
         let of_waypoint = |waypoint: &Waypoint| {
             let at = motion(waypoint.time_s);
@@ -207,8 +207,8 @@ pub(crate) mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
-        /// What starts, ends and moves as it should keeps every limit, whether or not it gets there; nearly
-        /// all get there.
+        /// A motion that starts, ends and moves as required keeps every limit, whether or not it gets there;
+        /// nearly all get there.
         #[test]
         fn limits_hold_and_the_start_is_exact(toward in prop::array::uniform7(-1.0f64..1.0)) {
             let robot = iiwa();

@@ -20,7 +20,7 @@ use crate::posed::Task;
 const PROOF_PIECES: usize = 4000;
 
 impl Task<'_> {
-    /// Whether no swivel that the arm can reach leaves joint velocities that keep the direction.
+    /// Returns whether no swivel that the arm can reach leaves joint velocities that keep the direction.
     pub fn is_proven_unreachable(&self) -> bool {
         let PostureFinder::Srs(srs) = self.planner.finder() else { return false };
         let Some(circle) = srs.elbow_circle(&self.target.X_WG) else { return true };
@@ -30,9 +30,9 @@ impl Task<'_> {
         arcs.into_iter().all(|(branch, arc)| proof.is_barred(branch, arc, &mut pieces))
     }
 
-    /// Whether no posture is left because there can be none: always so where they are found in closed form,
-    /// else if the gripper cannot come so far, each joint moving it by no more than its angle times the
-    /// length of what is beyond it.
+    /// Returns whether no posture is left because there can be none: always so where they are found in closed
+    /// form, else if the gripper cannot come so far, each joint moving it by no more than its angle times the
+    /// length of the arm beyond it.
     pub fn is_too_far(&self) -> bool {
         let planner = self.planner;
         if matches!(planner.finder(), PostureFinder::Srs(_)) {
@@ -48,7 +48,7 @@ impl Task<'_> {
     }
 }
 
-/// What the proof over the arcs of an S-R-S arm is about.
+/// Inputs of the proof over the arcs of an S-R-S arm.
 struct Proof<'a> {
     task: &'a Task<'a>,
     srs: &'a SrsArm,
@@ -56,8 +56,9 @@ struct Proof<'a> {
 }
 
 impl Proof<'_> {
-    /// Whether an arc is proven to leave no velocities, by halves: a direction λ separates all that the grasp
-    /// centre can do, wherever on the arc the elbow is, from the object's direction if
+    /// Returns whether an arc is proven to leave no velocities, by bisection: a direction λ separates all
+    /// velocities that the grasp centre can have, wherever on the arc the elbow is, from the object's
+    /// direction if
     ///
     /// ```text
     ///     max λᵀ·J_v·q̇  =  Σ max(λᵀJᵢ·q̇ᵢ) + Σ |ΔJᵢ|·max|q̇ᵢ|   <   min λᵀ·s·v_O  =  min(0, s_max·λᵀv_O)
@@ -113,7 +114,7 @@ impl Proof<'_> {
     }
 }
 
-/// What is missing between the velocities that the grasp centre can have within `bounds` and those along the
+/// Shortfall between the velocities that the grasp centre can have within `bounds` and those along the
 /// object's: the shortest difference s·v − J_v·q̇.
 pub fn shortfall(jacobian: &Jacobian, v_WO: &Vector3<f64>, bounds: &[Interval; MAX_JOINTS]) -> Option<Vector3<f64>> {
     const S: usize = MAX_JOINTS;

@@ -1,5 +1,5 @@
-//! How long all cameras take for one scene, exact and with every model of their errors: the windows around a
-//! ball, those that a brain asks for, and full images. Measured is the time of the processor, so that other
+//! Benchmark of all cameras' images of one scene, exact and with every model of their errors: the windows
+//! around a ball, those that a brain asks for, and full images. Processor time is measured, so that other
 //! programs disturb little.
 
 #![allow(missing_docs, reason = "the macros of criterion make functions without")]

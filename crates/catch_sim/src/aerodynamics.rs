@@ -37,10 +37,10 @@ fn deviation(inertia_kgm2: &Matrix3<f64>, size: f64, phase: f64) -> Matrix3<f64>
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AerodynamicsConfig {
-    /// How much more or less than the mean of the three the air may brake an object along one of its
-    /// principal axes of inertia. Every throw draws the largest deviation uniformly up to this, and how it is
-    /// divided; axes of equal moments of inertia have equal drag, so none deviates in a ball. It counts where
-    /// there is drag.
+    /// Largest relative deviation of an object's drag along one of its principal axes of inertia from the
+    /// mean of the three. Every throw draws the largest deviation uniformly up to this, and how it is
+    /// divided; axes of equal moments of inertia have equal drag, so none deviates in a ball. It takes effect
+    /// only with drag.
     #[serde(deserialize_with = "quantity::spread")]
     pub drag_anisotropy: f64,
     /// Every throw draws its Magnus coefficient c_M of a = c_M·ω×v uniformly up to this.
@@ -70,7 +70,7 @@ impl Aerodynamics {
         spin_decay_per_s: 0.0,
     };
 
-    /// Those of a throw of an object with this inertia about its centre of mass, in O.
+    /// Draws the aerodynamics of a throw of an object with this inertia about its centre of mass, in O.
     pub(crate) fn draw(config: &AerodynamicsConfig, inertia_kgm2: &Matrix3<f64>, draws: &mut Draws) -> Self {
         let size = config.drag_anisotropy * draws.unit();
         let phase = TAU * draws.unit();
@@ -81,7 +81,7 @@ impl Aerodynamics {
         }
     }
 
-    /// What the acceleration is besides a = −k·|u|·u, in m/s². `u_W` is the velocity relative to the air.
+    /// Acceleration in addition to a = −k·|u|·u, in m/s². `u_W` is the velocity relative to the air.
     pub(crate) fn deviation_mps2(
         &self,
         drag_per_m: f64,

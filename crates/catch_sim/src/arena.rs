@@ -53,7 +53,7 @@ pub struct Arena {
     under_way: Vec<(f64, Command)>,
     steps: u64,
     has_sensed: bool,
-    /// Whether the sensor in the gripper has seen the object.
+    /// True if the sensor in the gripper has seen the object.
     has_triggered: bool,
     /// The recorded flight along which the untouched object moves, and when it was released.
     path: Option<(Arc<RecordedFlight>, f64)>,
@@ -115,7 +115,7 @@ impl Arena {
         arena
     }
 
-    /// What was drawn for arm, gripper and cameras.
+    /// Drawn conditions of arm, gripper and cameras.
     fn cell_conditions(&self) -> CellConditions {
         let Conditions { link_mass_ratio, X_MG, .. } = &self.conditions;
         CellConditions {
@@ -127,7 +127,8 @@ impl Arena {
         }
     }
 
-    /// What the object that has just been released is in contact with, or overlaps: nothing that is thrown.
+    /// Name of the part that the object touches or overlaps just after its release: such an object is not
+    /// thrown.
     pub fn released_in_contact_with(&self) -> Option<&'static str> {
         self.world.nearest_to_object().filter(|(_, gap_m)| *gap_m < RELEASE_GAP_M).map(|(part, _)| part)
     }
@@ -136,12 +137,12 @@ impl Arena {
         &self.equipment.shared.config
     }
 
-    /// What really happened so far. No brain may see it.
+    /// Ground truth so far. No brain may see it.
     pub fn truth(&self) -> &Truth {
         &self.truth
     }
 
-    /// What really happened since the last call, or since the beginning. The world stops shaking.
+    /// Takes the ground truth since the last call, or since the beginning. The disturbance ends.
     pub fn take_truth(&mut self) -> Truth {
         self.update_report();
         self.servo.take_report();
@@ -177,7 +178,8 @@ impl Arena {
         self.steps as f64 * self.config().step_s
     }
 
-    /// From `after_s` after the first contact with the gripper on the world shakes along (1, 1, 1).
+    /// Starts the disturbance, a vibration of the world along (1, 1, 1), `after_s` after the first contact
+    /// with the gripper.
     pub fn disturb_after_contact(&mut self, after_s: f64) {
         self.disturbance = Some(Disturbance::after_contact(after_s));
     }
@@ -195,7 +197,7 @@ impl Arena {
         }
     }
 
-    /// Like [`Cell::act`], but the command arrives `delay_s` from now: what it takes to compute it.
+    /// Acts like [`Cell::act`], but the command arrives `delay_s` from now: the time to compute it.
     pub fn act_after(&mut self, delay_s: f64, command: &Command) {
         self.under_way.push((self.time_s() + delay_s.max(0.0), command.clone()));
         self.deliver();
@@ -260,7 +262,7 @@ impl Arena {
         -normal_W * (rate.signum() * most.min(stopping))
     }
 
-    /// Where the links are. What stands for the last one carries the gripper where it truly is: its outline
+    /// Poses of the links. That of the last one carries the gripper where it truly is: its collision geometry
     /// and its surface are those of the model.
     fn link_poses(&self, q: &JointVector) -> LinkPoses {
         let model = &self.equipment.shared.robot;
@@ -270,7 +272,7 @@ impl Arena {
         X_WL
     }
 
-    /// One step of servo, gripper and physics.
+    /// Takes one step of servo, gripper and physics.
     fn step(&mut self) {
         self.deliver();
         let (now_s, step_s) = (self.time_s(), self.config().step_s);
@@ -359,7 +361,7 @@ impl Arena {
 }
 
 impl Cell for Arena {
-    /// Where the physics diverges, everything stands still from then on; the truth tells.
+    /// No errors: if the physics diverges, everything stands still from then on, and the truth reports it.
     type Error = Infallible;
 
     fn sense(&mut self) -> Result<Observation, Infallible> {

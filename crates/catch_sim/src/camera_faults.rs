@@ -11,30 +11,30 @@ pub struct CameraFault {
     /// Number of the camera in its rig, from 0 on.
     #[serde(deserialize_with = "quantity::camera_number")]
     pub camera: usize,
-    /// What is wrong with it.
+    /// Kind of the fault.
     pub kind: CameraFaultKind,
-    /// From when on, in seconds on the cell's clock.
+    /// Start of the fault, in seconds on the cell's clock.
     #[serde(default, deserialize_with = "quantity::clock_s")]
     pub from_s: f64,
 }
 
-/// What can be wrong with a camera.
+/// Kind of a camera's fault.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CameraFaultKind {
-    /// Its images have no depths.
+    /// The camera's images have no depths.
     Blinded,
-    /// It gives the same image again and again, each with a new capture time.
+    /// The camera gives the same image again and again, each with a new capture time.
     Frozen,
-    /// It gives no images.
+    /// The camera gives no images.
     Silent,
-    /// It and another one have exchanged their images.
+    /// The camera and another one have exchanged their images.
     Swapped(SwappedCamera),
-    /// Something has pushed it.
+    /// The camera has been pushed.
     Pushed(Push),
 }
 
-/// Whose images a camera has.
+/// Camera whose images are exchanged with those of this one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SwappedCamera {
@@ -43,7 +43,7 @@ pub struct SwappedCamera {
     pub with: usize,
 }
 
-/// How far a camera was pushed.
+/// Displacement of a camera that was pushed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Push {
@@ -53,10 +53,10 @@ pub struct Push {
 }
 
 impl CameraFault {
-    /// Whether there are such cameras in a rig.
+    /// Checks that a rig has the cameras of the fault.
     ///
     /// # Errors
-    /// If there are not; `file` and `field` name the place.
+    /// If a camera does not exist; `file` and `field` name the place.
     pub fn check(&self, cameras: &[CameraModel], file: &str, field: &str) -> Result<(), InputError> {
         let find = |number: usize, name: &str| {
             let expected = format!("the number of a camera of the rig, 0 to {}", cameras.len().saturating_sub(1));

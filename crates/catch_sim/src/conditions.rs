@@ -1,5 +1,5 @@
-//! What differs from throw to throw besides the throw itself: materials, air, spin, and the robot's own
-//! errors.
+//! Conditions that differ from throw to throw besides the throw itself: materials, air, spin, and the robot's
+//! own errors.
 //!
 //! Everything is drawn from a stream of its own, and drawn whether it is switched on or not: what one setting
 //! does never shows in another.
@@ -33,12 +33,12 @@ pub struct Conditions {
     pub spin_radps: Vector3<f64>,
     /// Mass of each link over that in the model.
     pub(crate) link_mass_ratio: [f64; catch_body::MAX_JOINTS],
-    /// Where the gripper truly is: its frame G in that of the model, M.
+    /// True pose of the gripper: its frame G in that of the model, M.
     pub(crate) X_MG: Pose,
 }
 
 impl Conditions {
-    /// Those of throw number `index` of `seed`.
+    /// Draws the conditions of throw number `index` of `seed`.
     pub fn draw(config: &ArenaConfig, object: &ThrownObject, seed: u64, index: u64) -> Self {
         let draws = |stream| Draws::new(stream, seed, index);
         let around =

@@ -14,24 +14,24 @@ use crate::{
     aerodynamics::AerodynamicsConfig, camera_faults::CameraFault, depth_noise::DepthConfig, person::PersonConfig,
 };
 
-/// What the arena is like. The defaults are the paper's where the paper says something.
+/// Settings of the arena. The defaults are the paper's where the paper says something.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArenaConfig {
-    /// How the gripper is driven. `ideal`: as strong as the real one, without limit of speed beyond the
+    /// Drive model of the gripper. `ideal`: as strong as the real one, without limit of speed beyond the
     /// fingers' own inertia and without latency. `real`: within the limits of its file, with the connection
     /// of its table `drive`. `position`: by the paper's controllers, one for each finger, which jump to the
     /// commanded width whatever speed and force the command has.
     pub gripper: GripperDriveKind,
-    /// What makes the fingers close. `command`: the brain's commands. `proximity`: a sensor in the gripper
-    /// that sees where the object truly is, as in the paper's simulator; commands are ignored.
+    /// Trigger that makes the fingers close. `command`: the brain's commands. `proximity`: a sensor in the
+    /// gripper that sees where the object truly is, as in the paper's simulator; commands are ignored.
     pub gripper_trigger: GripperTrigger,
-    /// Whether objects have the shapes, the frames and the mass properties of the paper's simulator, which
-    /// stand in the table `published` of their files. Off by default: inertias are wrong by factors of 10 to
+    /// True for bodies of the paper's simulator: objects have the shapes, the frames and the mass properties
+    /// of the table `published` of their files. Off by default: inertias are wrong by factors of 10 to
     /// 10,000.
     pub published_bodies: bool,
-    /// Whether the gripper has the moments of inertia and the fingertips that it has in the paper's
-    /// simulator, if its file says so.
+    /// True if the gripper has the moments of inertia and the fingertips that it has in the paper's
+    /// simulator, if its file gives them.
     pub published_gripper: bool,
     /// Coulomb friction coefficient of all contacts: a number, or `{ min, max }` from which every throw draws
     /// one. Default 0.667, to which the paper's simulator combines its materials; there is no sourced value
@@ -43,12 +43,12 @@ pub struct ArenaConfig {
     /// Every throw draws its restitution uniformly within this fraction around that. None in the paper.
     #[serde(deserialize_with = "quantity::spread")]
     pub restitution_spread: f64,
-    /// Whether the air brakes the object. Off by default, as in the paper.
+    /// Aerodynamic drag on the object. Off by default, as in the paper.
     pub drag: bool,
     /// Every throw draws its drag uniformly within this fraction around the object's own. None by default.
     #[serde(deserialize_with = "quantity::spread")]
     pub drag_spread: f64,
-    /// How the air acts besides that. Off by default.
+    /// Aerodynamic effects besides the mean drag. Off by default.
     pub aerodynamics: AerodynamicsConfig,
     /// Velocity of the air in W, in m/s; it counts where there is drag.
     #[serde(deserialize_with = "quantity::wind_mps")]
@@ -57,17 +57,17 @@ pub struct ArenaConfig {
     /// throw's own file says. None in the paper; people throw small things with up to 25 rad/s.
     #[serde(deserialize_with = "quantity::speed_radps")]
     pub max_spin_radps: f64,
-    /// What the robot does not know of itself.
+    /// Errors of the robot's encoders and of its model.
     pub robot_errors: RobotErrors,
-    /// How far the robot controller is from an ideal one.
+    /// Deviations of the robot controller from an ideal one.
     pub robot_controller: RobotController,
-    /// Whether the cameras tell which pixels show the object. On by default: the paper segments by the
-    /// renderer's labels.
+    /// Labels of the object's pixels in the images. On by default: the paper segments by the renderer's
+    /// labels.
     pub labels: bool,
-    /// Whether the cameras see the floor, which always collides. Off by default: the paper has none, and its
-    /// lower cameras look through where it would be.
+    /// Visibility of the floor, which always collides. Off by default: the paper has none, and its lower
+    /// cameras look through where it would be.
     pub floor_visible: bool,
-    /// What the depth images are off by. Nothing by default, as in the paper.
+    /// Errors of the depth images. None by default, as in the paper.
     pub depth: DepthConfig,
     /// Cameras that fail, each at its time. None by default.
     pub camera_faults: Vec<CameraFault>,
@@ -77,12 +77,12 @@ pub struct ArenaConfig {
     /// (paper, IV).
     #[serde(deserialize_with = "quantity::rate_hz")]
     pub frame_rate_hz: f64,
-    /// Whether each camera takes its images in its own time: at the `rate_hz` of its rig's file, else at
+    /// Free-running cameras: each takes its images at the `rate_hz` of its rig's file, else at
     /// `frame_rate_hz`, and at a phase that every throw draws. An observation has the images that have
     /// arrived since the last one. Off by default.
     pub free_running_cameras: bool,
-    /// How long an image takes to arrive, in seconds: a number, or `{ min, max }` from which every image
-    /// draws. The images of a camera arrive in their order.
+    /// Latency of an image, in seconds: a number, or `{ min, max }` from which every image draws. The images
+    /// of a camera arrive in their order.
     #[serde(deserialize_with = "quantity::latency_s")]
     pub latency_s: Drawn,
     /// Time step of the physics and period of the servo. Default 1 ms.
@@ -90,7 +90,7 @@ pub struct ArenaConfig {
     pub step_s: f64,
 }
 
-/// What the robot does not know of itself. All zero by default, as in the paper.
+/// Errors of the robot's encoders and of its model. All zero by default, as in the paper.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RobotErrors {
@@ -106,33 +106,33 @@ pub struct RobotErrors {
     /// controller computes with.
     #[serde(deserialize_with = "quantity::spread")]
     pub link_mass_spread: f64,
-    /// How far the gripper is from where the model has it mounted, in a random direction, in metres.
+    /// Displacement of the gripper from the mounting in the model, in a random direction, in metres.
     #[serde(deserialize_with = "quantity::error_m")]
     pub tool_position_m: f64,
-    /// How far it is turned from that, about a random axis, in degrees.
+    /// Rotation of the gripper from the mounting in the model, about a random axis, in degrees.
     #[serde(deserialize_with = "quantity::error_deg")]
     pub tool_rotation_deg: f64,
 }
 
-/// How far the robot controller is from an ideal one. Nothing by default.
+/// Deviations of the robot controller from an ideal one. None by default.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RobotController {
     /// The time stamps of the arm's states are off by up to this, uniformly, in seconds.
     #[serde(deserialize_with = "quantity::controller_time_s")]
     pub stamp_error_s: f64,
-    /// Whether the arm's state is told in single precision.
+    /// True if the arm's state is reported in single precision.
     pub single_precision: bool,
-    /// How long after the time that a trajectory has for it the controller follows each of its points, in
-    /// seconds.
+    /// Lag with which the controller follows each point of a trajectory, in seconds.
     #[serde(deserialize_with = "quantity::controller_time_s")]
     pub interpolator_lag_s: f64,
     /// Trajectories that it declines at random, as a fraction of all.
     #[serde(deserialize_with = "quantity::fraction")]
     pub declined_fraction: f64,
-    /// Whether it takes trajectories that jump at their start or do not end at rest, as the paper's do.
+    /// True if the controller takes trajectories that jump at their start or do not end at rest, as the
+    /// paper's do.
     pub takes_jumps: bool,
-    /// Whether the motors give all the torque that it asks for, as the paper's do.
+    /// True if the motors give all the torque that the controller asks for, as the paper's do.
     pub unlimited_torque: bool,
     /// Gains of its computed torque.
     pub gains: ControllerGains,
@@ -145,13 +145,13 @@ pub struct RobotController {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ControllerGains {
-    /// Per error, in 1/s².
+    /// Gain of the error, in 1/s².
     #[serde(deserialize_with = "quantity::gain")]
     pub proportional_per_s2: f64,
-    /// Per integral of the error, in 1/s³.
+    /// Gain of the integral of the error, in 1/s³.
     #[serde(deserialize_with = "quantity::gain")]
     pub integral_per_s3: f64,
-    /// Per rate of the error, in 1/s.
+    /// Gain of the rate of the error, in 1/s.
     #[serde(deserialize_with = "quantity::gain")]
     pub derivative_per_s: f64,
 }
@@ -216,8 +216,8 @@ impl Default for ArenaConfig {
 const MOST_GIB_UNDER_WAY: f64 = 1.0;
 
 impl ArenaConfig {
-    /// Everything that cannot be used although every number is within its range; `file` and `table` name the
-    /// place: ranges whose ends are swapped, a frame interval that is not a whole number of steps.
+    /// Finds all settings that cannot be used although every number is within its range; `file` and `table`
+    /// name the place: ranges whose ends are swapped, a frame interval that is not a whole number of steps.
     pub fn faults(&self, file: &str, table: &str) -> Vec<InputError> {
         let friction = self.friction.check_friction(file, &format!("{table}.friction"));
         let latency = self.latency_s.check(&quantity::LATENCY_S, file, &format!("{table}.latency_s"));
@@ -232,11 +232,11 @@ impl ArenaConfig {
         faults
     }
 
-    /// What cannot be used with the cameras of a rig: faults of cameras that it does not have, rates of which
-    /// the physics' steps leave out images, and more images under way than there is room for.
+    /// Checks the settings against the cameras of a rig: faults of cameras that it does not have, rates of
+    /// which the physics' steps leave out images, and more images under way than there is room for.
     ///
     /// # Errors
-    /// The first of them.
+    /// If a setting cannot be used: the first of them.
     pub fn check_cameras(&self, cameras: &[CameraModel], file: &str, table: &str) -> Result<(), InputError> {
         let most_hz = self.step_s.recip();
         let too_fast = |it: &&CameraModel| it.rate_hz.is_some_and(|rate_hz| rate_hz > most_hz * (1.0 + 1e-9));
@@ -262,7 +262,7 @@ impl ArenaConfig {
         InputError::first_of(faults.map(|(i, it)| it.check(cameras, file, &format!("{table}.camera_faults[{i}]"))))
     }
 
-    /// Whether every value can be used.
+    /// Checks that every value can be used.
     ///
     /// # Errors
     /// The first of the [`faults`](Self::faults).

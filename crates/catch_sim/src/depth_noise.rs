@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::drawn::Drawn;
 
-/// How the depth images differ from the truth. Nothing does by default, as in the paper.
+/// Errors of the depth images. None by default, as in the paper.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DepthConfig {
@@ -33,11 +33,12 @@ pub struct DepthConfig {
     /// stands, in metres. Drawn once per scene and camera.
     #[serde(deserialize_with = "quantity::error_m")]
     pub calibration_sd_m: f64,
-    /// The same for its orientation: standard deviation of the rotation about each of its axes, in radians.
+    /// Standard deviation of the rotation of each camera from its calibrated orientation, about each of its
+    /// axes, in radians.
     #[serde(deserialize_with = "quantity::error_rad")]
     pub calibration_sd_rad: f64,
-    /// How many pixels too far to the left and too far up everything seems to be, in the scan of the object
-    /// as well: half a pixel where corners of pixels are taken for their centres, as in the authors' code.
+    /// Shift of everything in the images to the left and up, in pixels, in the scan of the object as well:
+    /// half a pixel where corners of pixels are taken for their centres, as in the authors' code.
     #[serde(deserialize_with = "quantity::error_px")]
     pub pixel_shift_px: f64,
 }
@@ -71,12 +72,12 @@ impl DepthConfig {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DepthModel {
-    /// None.
+    /// No errors.
     #[default]
     Perfect,
-    /// The same standard deviation at every depth, each pixel by itself.
+    /// Noise with the same standard deviation at every depth, each pixel by itself.
     Gaussian(GaussianNoise),
-    /// Those of a stereo camera.
+    /// Errors of a stereo camera.
     Stereo(StereoNoise),
 }
 
@@ -114,14 +115,15 @@ pub struct StereoNoise {
     /// pixels rises linearly to all. None: it does not.
     #[serde(deserialize_with = "quantity::incidence_rad")]
     pub grazing_rad: Option<[f64; 2]>,
-    /// How many pixels beside a depth edge are affected by it: half of the window that is matched.
+    /// Number of pixels beside a depth edge that are affected by it: half of the window that is matched.
     #[serde(deserialize_with = "quantity::edge_px")]
     pub edge_px: u32,
-    /// Of those behind the edge the fraction that shows the nearer surface, which so grows by some pixels.
+    /// Fraction of the affected pixels behind the edge that shows the nearer surface, which so grows by some
+    /// pixels.
     #[serde(deserialize_with = "quantity::fraction")]
     pub bleed_fraction: f64,
-    /// Of those on both sides the fraction that shows no surface, but a disparity evenly anywhere between the
-    /// two: flying pixels.
+    /// Fraction of the affected pixels on both sides that shows no surface, but a disparity evenly anywhere
+    /// between the two: flying pixels.
     #[serde(deserialize_with = "quantity::fraction")]
     pub flying_fraction: f64,
     /// Depths that can be measured, from and to, in metres. None: all.
@@ -151,7 +153,7 @@ impl Default for StereoNoise {
 pub(crate) const EDGE_JUMP_PX: f64 = 0.5;
 
 impl StereoNoise {
-    /// How far around a pixel its measurement depends on other pixels.
+    /// Distance around a pixel in which other pixels affect its measurement, in pixels.
     pub(crate) fn edge_reach_px(&self) -> u32 {
         if self.bleed_fraction + self.flying_fraction > 0.0 { self.edge_px } else { 0 }
     }
@@ -180,7 +182,7 @@ impl DepthModel {
 }
 
 impl DepthConfig {
-    /// Whether the values fit together; `file` and `table` name the place in errors.
+    /// Checks that the values fit together; `file` and `table` name the place in errors.
     ///
     /// # Errors
     /// Ranges whose ends are swapped, fractions whose sum is above one.
@@ -223,7 +225,7 @@ mod tests {
         }
     }
 
-    /// What everybody quotes: 114 mm at 7 m.
+    /// The usual figure of stereo cameras: 114 mm at 7 m.
     #[test]
     fn stereo_errs_by_the_square_of_the_distance() {
         let stereo = DepthModel::Stereo(StereoNoise::default());

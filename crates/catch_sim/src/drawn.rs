@@ -13,7 +13,7 @@ use serde::{
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "a number or { min = …, max = … }")]
 pub enum Drawn {
-    /// Always the same.
+    /// Constant value.
     Always(f64),
     /// Drawn.
     Between(Between),
@@ -44,18 +44,18 @@ impl Drawn {
         }
     }
 
-    /// Whether this can be a friction coefficient.
+    /// Checks that this can be a friction coefficient.
     ///
     /// # Errors
-    /// If it cannot.
+    /// If it is out of the range of friction coefficients.
     pub fn check_friction(self, file: &str, field: &str) -> Result<(), InputError> {
         self.check(&quantity::FRICTION, file, field)
     }
 
-    /// Whether this is within a range.
+    /// Checks that this is within a range.
     ///
     /// # Errors
-    /// If it is not, or if its ends are swapped.
+    /// If a value is out of the range, or if the ends are swapped.
     pub fn check(self, range: &Quantity, file: &str, field: &str) -> Result<(), InputError> {
         let [least, most] = self.bounds();
         range.check(file, field, least)?;

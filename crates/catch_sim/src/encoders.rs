@@ -15,7 +15,7 @@ use crate::{config::RobotErrors, random_streams::Draws};
 /// five to ten times of the textbooks.
 const OBSERVER_RADPS: f64 = 300.0;
 
-/// What a robot controller knows of its joints.
+/// Joint states as a robot controller measures them.
 #[derive(Debug, Clone)]
 pub struct Encoders {
     sd_rad: f64,
@@ -27,13 +27,13 @@ pub struct Encoders {
 }
 
 impl Encoders {
-    /// Those of an arm that waits at `q`; noise comes from `draws`.
+    /// Encoders of an arm that waits at `q`; noise comes from `draws`.
     pub fn new(errors: &RobotErrors, joints: usize, q: &JointVector, draws: Draws) -> Self {
         let RobotErrors { encoder_sd_rad: sd_rad, encoder_step_rad: step_rad, .. } = *errors;
         Self { sd_rad, step_rad, joints, draws, q: *q, dq: JointVector::zeros() }
     }
 
-    /// Whether they tell the truth, velocities too, at once.
+    /// Returns whether they give the true positions and velocities without delay.
     fn are_ideal(&self) -> bool {
         self.sd_rad == 0.0 && self.step_rad == 0.0
     }

@@ -1,4 +1,4 @@
-//! What stands in a cell before anything is thrown.
+//! Equipment of a cell before anything is thrown.
 
 use std::sync::Arc;
 
@@ -14,20 +14,20 @@ pub struct Equipment {
     pub(crate) shared: Arc<Shared>,
 }
 
-/// What [`Equipment`] holds.
+/// Contents of [`Equipment`].
 #[derive(Debug)]
 pub(crate) struct Shared {
     pub config: ArenaConfig,
-    /// Without the gripper's mass.
+    /// The arm without the gripper's mass.
     pub robot: Robot,
-    /// With it.
+    /// The arm with the gripper's mass.
     pub robot_with_gripper: Robot,
     pub gripper: Gripper,
     pub object: ThrownObject,
     /// The object without contacts.
     pub body: FreeBody,
     pub renderer: Renderer,
-    /// As calibrated.
+    /// Cameras as calibrated.
     pub cameras: Vec<CameraModel>,
     pub clearance: ArmClearance,
 }
@@ -58,8 +58,8 @@ impl Equipment {
         };
         Self { shared: Arc::new(shared) }
     }
-    /// Whether a released object is farther from floor, obstacles and the arm at `q` than it is large; quick,
-    /// and `false` for some that are clear of them all the same.
+    /// Returns whether a released object is farther from floor, obstacles and the arm at `q` than it is
+    /// large; quick, and `false` for some that are clear of them all the same.
     pub fn has_in_the_open(&self, release: &Release, q: &JointVector) -> bool {
         let Shared { robot, clearance, object, .. } = &*self.shared;
         let radius = object.bounding_radius_m;

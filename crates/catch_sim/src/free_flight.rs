@@ -74,7 +74,7 @@ pub fn coasted(object: &ThrownObject, (X_WO, V_WO): (&Pose, &Twist), duration_s:
     carried((&X_WC, &V_WC), &-com_O)
 }
 
-/// What the air does to an object during a step, by its state in the middle of it.
+/// Aerodynamic acceleration and torque on an object during one time step, by its state in the middle of it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Air {
     /// Velocity of the centre of mass in the middle of the step.
@@ -86,7 +86,7 @@ pub(crate) struct Air {
 }
 
 impl Air {
-    /// In the step after a state of the centre of mass.
+    /// Aerodynamic effects in the step after a state of the centre of mass.
     pub fn in_step(body: &FreeBody, conditions: &Conditions, (X_WC, V_WC): (&Pose, &Twist), step_s: f64) -> Self {
         let half_s = step_s / 2.0;
         let acceleration = dynamics::gravity() + conditions.air_mps2(&X_WC.rotation, V_WC);

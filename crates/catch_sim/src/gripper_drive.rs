@@ -31,14 +31,14 @@ pub struct Gains {
 }
 
 impl Gains {
-    /// As stiff as a controller at 1 kHz may be with fingers of 50 g: it follows within a millisecond, and a
-    /// finger that is stopped by an object presses with all its force 2 ms later.
+    /// Gains as stiff as a controller at 1 kHz may have with fingers of 50 g: it follows within a
+    /// millisecond, and a finger that is stopped by an object presses with all its force 2 ms later.
     pub const IDEAL: Self = Self { stiffness_npm: 10_000.0, damping_nspm: 40.0 };
 
-    /// Those of the authors' code.
+    /// Gains of the authors' code.
     pub const PUBLISHED: Self = Self { stiffness_npm: 2500.0, damping_nspm: 20.0 };
 
-    /// The same for fingers that are lighter: what is stiff for 50 g is unstable at 1 kHz for 15 g.
+    /// Ideal gains for fingers of this mass: gains that are stable for 50 g are unstable at 1 kHz for 15 g.
     fn ideal(finger_mass_kg: f64) -> Self {
         let lighter = (finger_mass_kg / 0.05).min(1.0);
         Self { stiffness_npm: Self::IDEAL.stiffness_npm * lighter, damping_nspm: Self::IDEAL.damping_nspm * lighter }
@@ -72,14 +72,14 @@ struct ActiveMove {
     since_s: f64,
 }
 
-/// How a move becomes a motion.
+/// Control law that turns a move into a motion.
 #[derive(Debug, Clone)]
 enum Law {
-    /// At once, at any speed.
+    /// Ideal law: at once, at any speed.
     Ideal,
-    /// At once, with all the force there is; beyond the stops when open.
+    /// Position law: at once, with all the force there is; beyond the stops when open.
     Position,
-    /// Through an interface, within the limits of the fingers.
+    /// Law of a real gripper: through an interface, within the limits of the fingers.
     Real(Interface, Ramp),
 }
 
@@ -142,7 +142,8 @@ impl GripperDrive {
         self.active.order.width_m
     }
 
-    /// When the first cycle of its connection is, on the cell's clock; none for a drive without one.
+    /// Time of the first cycle of the drive's connection, in seconds on the cell's clock; `None` for a drive
+    /// without one.
     pub fn phase_s(&self) -> Option<f64> {
         if let Law::Real(interface, _) = &self.law { Some(interface.phase_s()) } else { None }
     }
@@ -220,7 +221,7 @@ impl GripperDrive {
         GripperState { width_m, speed_mps, force_n: self.squeeze_n, grasp: self.watch.state() }
     }
 
-    /// What the gripper reports of itself.
+    /// State that the gripper reports.
     pub fn state(&self, finger_m: [f64; 2], finger_mps: [f64; 2]) -> GripperState {
         match &self.law {
             Law::Ideal | Law::Position => self.live_state(finger_m[0] + finger_m[1], finger_mps[0] + finger_mps[1]),

@@ -15,7 +15,8 @@ use crate::{
 pub use published::PublishedBody;
 use published::PublishedFields;
 
-/// What an object is like. Its frame O has its origin at the centre of mass and the axes of its file.
+/// Physical properties of an object. Its frame O has its origin at the centre of mass and the axes of its
+/// file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ThrownObject {
     /// Name.
@@ -29,7 +30,7 @@ pub struct ThrownObject {
     /// The point in O that sensors and the paper's measure take for the object's place: the origin, unless it
     /// has the frame of the paper's simulator.
     pub origin_O: Point3<f64>,
-    /// What it is in the paper's simulator, if its file says so.
+    /// Body of the object in the paper's simulator, if its file has one.
     pub published: Option<PublishedBody>,
     /// Coefficient of restitution: speed after an impact over speed before.
     pub restitution: f64,
@@ -39,7 +40,7 @@ pub struct ThrownObject {
     pub friction: Option<Drawn>,
     /// Stiffness of its surface under a finger in N/m, if it is soft enough to matter.
     pub stiffness_npm: Option<f64>,
-    /// Its surface in O.
+    /// Surface of the object in O.
     pub mesh: TriangleMesh,
     /// Convex parts in O as which it collides.
     pub parts: Vec<ColliderPart>,
@@ -50,15 +51,15 @@ pub struct ThrownObject {
 /// Radius of gyration of the thinnest needle.
 const LEAST_GYRATION_M: f64 = 1e-4;
 
-/// Something to throw.
+/// File of an object to throw.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ObjectFile {
     /// Name. Results call an object by its file's name.
     name: String,
-    /// What it truly is; only the arena reads this.
+    /// True properties of the object; only the arena reads them.
     truth: TruthFields,
-    /// What it is in the paper's simulator.
+    /// Body of the object in the paper's simulator.
     published: Option<PublishedFields>,
     /// The brain's knowledge, where it stands in the same file.
     #[serde(rename = "known", alias = "prior")]

@@ -1,4 +1,5 @@
-//! From the few numbers of an object's file to its surface, its convex parts and its inertia.
+//! Shapes of objects: from the few numbers of an object's file to its surface, its convex parts and its
+//! inertia.
 
 use std::ops::RangeInclusive;
 
@@ -16,8 +17,8 @@ use crate::convex_parts::{convex_parts, hull_area_m2, hull_volume_m3};
 
 /// Flat strips around a solid of revolution or a tube: at 32 a radius of 25 mm is 0.12 mm short between them.
 const SEGMENTS: u32 = 32;
-/// How often the triangles of a ball are cut into four: at 4 its faces lie at most 0.03 mm inside a tennis
-/// ball.
+/// Number of times that the triangles of a ball are cut into four: at 4 its faces lie at most 0.03 mm inside
+/// a tennis ball.
 const BALL_SUBDIVISIONS: u32 = 4;
 
 /// A convex piece of an object, in the object's frame.
@@ -26,9 +27,9 @@ const BALL_SUBDIVISIONS: u32 = 4;
 pub enum ColliderPart {
     /// A ball.
     Ball {
-        /// Its centre.
+        /// Centre of the ball.
         centre: Point3<f64>,
-        /// Its radius in metres.
+        /// Radius of the ball in metres.
         radius_m: f64,
     },
     /// The convex hull of points.
@@ -36,7 +37,7 @@ pub enum ColliderPart {
 }
 
 impl ColliderPart {
-    /// The same part, moved.
+    /// Moves the part.
     pub fn translated(self, offset: &Vector3<f64>) -> Self {
         match self {
             Self::Ball { centre, radius_m } => Self::Ball { centre: centre + offset, radius_m },
@@ -44,7 +45,7 @@ impl ColliderPart {
         }
     }
 
-    /// Its volume in m³; zero for points that span none.
+    /// Volume of the part in m³; zero for points that span none.
     pub fn volume_m3(&self) -> f64 {
         match self {
             Self::Ball { radius_m, .. } => 4.0 / 3.0 * std::f64::consts::PI * radius_m.powi(3),
@@ -61,7 +62,7 @@ impl ColliderPart {
     }
 }
 
-/// How an object's file describes its shape.
+/// Shape of an object as its file describes it.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum ShapeFields {
@@ -70,10 +71,10 @@ pub(crate) enum ShapeFields {
         /// Diameter.
         #[serde(deserialize_with = "quantity::shape_size_m")]
         diameter_m: f64,
-        /// Whether all mass is in its skin.
+        /// True if all mass is in the skin.
         hollow: bool,
     },
-    /// What a profile of points (z, r) sweeps around the z axis.
+    /// Solid of revolution that a profile of points (z, r) sweeps around the z axis.
     Revolution {
         /// Points (z, r), from the bottom up.
         #[serde(deserialize_with = "quantity::shape_m")]
@@ -105,7 +106,7 @@ pub(crate) enum ShapeFields {
         /// Files whose groups are the convex parts.
         #[serde(default)]
         parts: Vec<String>,
-        /// Metres per unit of the files.
+        /// Length of the files' unit in metres.
         #[serde(default = "one", deserialize_with = "quantity::scale")]
         scale: f64,
     },
@@ -167,16 +168,18 @@ const MOST_RINGS: usize = 65;
 const LEAST_STEP_M: f64 = 1e-4;
 /// The thinnest shape: its volume as a fraction of the cube of its longest side.
 const LEAST_FILLING: f64 = 1e-6;
-/// How far parts may stick out of the box around their mesh, as a fraction of its longest side.
+/// Largest distance by which parts may stick out of the box around their mesh, as a fraction of its longest
+/// side.
 const STICKS_OUT: f64 = 0.05;
 
-/// How long something may be that is thrown: what is outside comes from a file in other units.
+/// Length of an object that can be thrown, in metres: other lengths come from a file in other units.
 const LENGTHS_M: RangeInclusive<f64> = 0.005..=0.5;
 
-/// Whether a shape is as long as something that is thrown; `advice` says what to do if it is in millimetres.
+/// Checks that a shape is as long as an object that can be thrown; `advice` is given to the user if it is in
+/// millimetres.
 ///
 /// # Errors
-/// If it is not.
+/// If the length is out of this range.
 pub fn check_length(file: &str, field: &str, length_m: f64, advice: &str) -> Result<(), InputError> {
     if LENGTHS_M.contains(&length_m) {
         return Ok(());
@@ -266,7 +269,7 @@ fn revolution(file: &str, mass_kg: f64, profile_m: &[[f64; 2]]) -> Result<Solid,
     Ok(Solid { mesh, parts, inertia })
 }
 
-/// How much farther than its rim the middle of a flat end stands out, in metres.
+/// Height of the middle of a flat end above its rim, in metres.
 const END_BULGE_M: f64 = 3e-4;
 
 /// Points of a solid of revolution whose flat ends are squares within the rim, which stands back a little. On
@@ -284,7 +287,7 @@ fn with_square_ends(profile_m: &[[f64; 2]]) -> Vec<Point3<f64>> {
     points
 }
 
-/// Whether the middle of three profile points lies below the line between its neighbours.
+/// Returns whether the middle of three profile points lies below the line between its neighbours.
 fn bends_inwards(points: &[[f64; 2]]) -> bool {
     let [[z0, r0], [z1, r1], [z2, r2]] = [points[0], points[1], points[2]];
     (r1 - r0) * (z2 - z1) < (r2 - r1) * (z1 - z0) - 1e-12

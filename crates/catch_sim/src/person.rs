@@ -11,34 +11,34 @@ use crate::{
     random_streams::{Draws, Stream},
 };
 
-/// So far to each side of the place that is nearest to the arm the person walks before turning around, in
+/// Distance that the person walks to each side of the point nearest to the arm before turning around, in
 /// metres.
 const SPAN_M: f64 = 4.0;
 /// Length of two steps, in metres.
 const STRIDE_M: f64 = 1.4;
-/// By how much legs and arms swing to each side, in radians.
+/// Angle by which legs and arms swing to each side, in radians.
 const SWING_RAD: f64 = 0.45;
 /// Flat strips around a capsule.
 const SEGMENTS: u32 = 32;
 
-/// How a person walks. Every throw draws a straight line in a direction of its own, and where on it the
-/// person is first.
+/// Path of a person who walks through the images. Every throw draws a straight line in a direction of its
+/// own, and the person's first position on it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PersonConfig {
-    /// How near the line comes to the base's axis, in metres: a number, or `{ min, max }`.
+    /// Least distance of the line from the base's axis, in metres: a number, or `{ min, max }`.
     #[serde(deserialize_with = "quantity::distance_m")]
     pub nearest_m: Drawn,
-    /// How fast the person walks, in m/s: a number, or `{ min, max }`.
+    /// Walking speed, in m/s: a number, or `{ min, max }`.
     #[serde(deserialize_with = "quantity::drive_speed_mps")]
     pub speed_mps: Drawn,
 }
 
 impl PersonConfig {
-    /// Whether ranges begin before they end.
+    /// Checks that ranges begin before they end.
     ///
     /// # Errors
-    /// If one does not.
+    /// If a range does not.
     pub fn check(&self, file: &str, field: &str) -> Result<(), InputError> {
         self.nearest_m.check(&quantity::DISTANCE_M, file, &format!("{field}.nearest_m"))?;
         self.speed_mps.check(&quantity::DRIVE_SPEED_MPS, file, &format!("{field}.speed_mps"))
@@ -60,14 +60,14 @@ pub(crate) struct Person {
 #[derive(Debug, Clone)]
 struct Part {
     surface: RayCaster,
-    /// About what it swings, in the body's frame.
+    /// Point about which it swings, in the body's frame.
     pivot: Vector3<f64>,
-    /// How far, forward where the left leg swings forward.
+    /// Amplitude of the swing in radians, forward where the left leg swings forward.
     swing_rad: f64,
 }
 
 impl Person {
-    /// That of the scene (`seed`, `index`).
+    /// Draws the person of the scene (`seed`, `index`).
     pub fn new(config: &PersonConfig, seed: u64, index: u64) -> Self {
         let mut draws = Draws::new(Stream::Person, seed, index);
         let azimuth = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), TAU * draws.unit());
@@ -80,7 +80,7 @@ impl Person {
         }
     }
 
-    /// Its surfaces with their poses X_WB at a time.
+    /// Surfaces of the person with their poses X_WB at a time.
     pub fn parts(&self, time_s: f64) -> impl Iterator<Item = (Pose, &RayCaster)> {
         let walked_m = self.walked_m + self.speed_mps * time_s;
         // There and back.

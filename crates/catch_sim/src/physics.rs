@@ -27,17 +27,17 @@ use contacts::{Contacts, Masses, Velocities};
 pub(crate) use free_motion::FreeBody;
 use machine::{Coordinates, Machine, Posture, Stop};
 
-/// What the gripper is mounted on.
+/// Mount of the gripper.
 #[derive(Debug, Clone, Copy)]
 pub enum Mount<'a> {
     /// An arm that stands still in a pose.
     Arm {
         /// The arm, without the gripper's mass.
         robot: &'a Robot,
-        /// Its joint positions.
+        /// Joint positions of the arm.
         q: &'a JointVector,
     },
-    /// Nothing that moves: the pose of G in W.
+    /// Fixed mount: the pose of G in W.
     Fixed(Pose),
 }
 
@@ -46,7 +46,7 @@ pub enum Mount<'a> {
 pub struct WorldSettings {
     /// Time step.
     pub step_s: f64,
-    /// Into how many parts the solver divides a step in which something moves against something.
+    /// Number of substeps into which the solver divides a step with contacts.
     pub substeps: usize,
     /// Coulomb friction coefficient of all contacts.
     pub friction: f64,
@@ -56,7 +56,7 @@ pub struct WorldSettings {
     pub drive_mass_kg: f64,
 }
 
-/// What acts on the world during one step.
+/// Loads on the world during one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Loads {
     /// Torques of the arm's motors in N·m.
@@ -78,18 +78,18 @@ pub struct WorldState {
     pub q: JointVector,
     /// Joint velocities.
     pub dq: JointVector,
-    /// How far left and right finger's inner faces are from the middle of the gripper, in metres.
+    /// Distances of the left and the right finger's inner face from the middle of the gripper, in metres.
     pub finger_m: [f64; 2],
-    /// Their speeds in m/s, positive while opening.
+    /// Speeds of the fingers in m/s, positive while opening.
     pub finger_mps: [f64; 2],
     /// Pose of the object.
     pub X_WO: Pose,
-    /// Its spatial velocity, the linear part at the origin of O.
+    /// Spatial velocity of the object, the linear part at the origin of O.
     pub V_WO: Twist,
 }
 
 impl WorldState {
-    /// Whether every number is finite, and joints and fingers are where sensors can tell it.
+    /// Returns whether every number is finite, and joints and fingers are within the range of sensors.
     pub fn is_measurable(&self) -> bool {
         use catch_body::quantity::{DRIVE_M, DRIVE_MPS, JOINT_RAD, JOINT_RADPS};
         let X_WO = &self.X_WO;
@@ -105,7 +105,7 @@ impl WorldState {
 /// Contact between the object and its surroundings during the last step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ContactForces {
-    /// What touched.
+    /// Parts that touched the object.
     pub contact: Contact,
     /// Sums of the normal forces at left and right finger, rebounds included, in N, averaged over the step.
     pub finger_n: [f64; 2],
@@ -126,11 +126,11 @@ enum Part {
 
 /// Things that move against each other more slowly are at rest, in m/s.
 const AT_REST_MPS: f64 = 0.01;
-/// How many parts there are.
+/// Number of the parts.
 const PARTS: usize = 7;
 
 impl Part {
-    /// How a person calls it.
+    /// Name of the part for people.
     fn name(self) -> &'static str {
         match self {
             Self::Object => "itself",
@@ -149,7 +149,7 @@ pub struct World {
     machine: Machine,
     colliders: Colliders,
     object: Object,
-    /// Of the last step.
+    /// Contact forces of the last step.
     contact_forces: ContactForces,
 }
 
@@ -162,7 +162,7 @@ impl Impulses {
         self.0[part as usize] += impulse_ns;
     }
 
-    /// As forces over a step.
+    /// Converts the impulses to forces over a step.
     fn forces(&self, step_s: f64) -> ContactForces {
         let impulse_ns = |part: Part| self.0[part as usize];
         let touches = |part: Part| impulse_ns(part) > 0.0;
@@ -342,13 +342,13 @@ impl World {
         }
     }
 
-    /// Where everything is, and how it moves.
+    /// Poses and velocities of all bodies.
     fn bodies(&self, posture: &Posture) -> Bodies {
         let (X_WO, V_WO) = self.object.state();
         Bodies { X_WL: posture.X_WL, motions: self.machine.motions(posture, &self.machine.velocities), X_WO, V_WO }
     }
 
-    /// What is nearest to the object, and its distance in metres: zero where they touch or overlap.
+    /// Part that is nearest to the object, and its distance in metres: zero where they touch or overlap.
     pub(crate) fn nearest_to_object(&self) -> Option<(&'static str, f64)> {
         let posture = self.machine.posture(&self.machine.positions, self.settings.step_s)?;
         self.colliders.nearest_to_object(&self.bodies(&posture))

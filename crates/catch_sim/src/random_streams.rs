@@ -12,19 +12,19 @@ use rand_pcg::Pcg64;
 /// Recorded results depend on these numbers: a stream keeps its own for good.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stream {
-    /// Where and how fast the object is released.
+    /// Position and velocity of the release.
     Throw = 0,
     /// Friction.
     Friction = 1,
     /// Noise, losses and calibration of the cameras.
     Sensors = 2,
-    /// Where the gripper stands in its cycle.
+    /// Phase of the gripper in its cycle.
     Gripper = 3,
     /// The brain's sampling.
     Brain = 4,
-    /// In what orientation the object is released.
+    /// Orientation of the object at the release.
     Orientation = 16,
-    /// How it spins.
+    /// Spin of the object.
     Spin = 17,
     /// Restitution.
     Restitution = 18,
@@ -32,19 +32,19 @@ pub enum Stream {
     Drag = 19,
     /// Masses of the arm's links.
     LinkMasses = 21,
-    /// Where the gripper is really mounted.
+    /// True mounting of the gripper.
     ToolMount = 22,
     /// Noise of the joint encoders.
     Encoders = 23,
     /// Errors of the robot controller's time stamps, and which trajectories it declines.
     RobotController = 24,
-    /// Which of several objects is thrown.
+    /// Choice among several objects.
     Object = 25,
     /// Aerodynamic coefficients.
     Aerodynamics = 26,
-    /// How far the cameras' poses are from what is believed before they are calibrated.
+    /// Errors of the cameras' poses before they are calibrated.
     Calibration = 27,
-    /// Where a person walks.
+    /// Path of a person.
     Person = 28,
     /// Weights of the grasp choice that an experiment draws.
     GraspWeights = 29,

@@ -23,23 +23,23 @@ pub(crate) struct Sensors {
     windows: Option<Vec<PixelWindow>>,
     /// Faults that have not begun.
     coming_faults: Vec<CameraFault>,
-    /// For each camera how its images are spoilt.
+    /// Fault of each camera's images.
     spoilt: Vec<Spoilt>,
     /// Images that have not arrived, with their times of arrival, soonest first.
     under_way: Vec<(f64, DepthFrame)>,
 }
 
-/// How the images of a camera are spoilt.
+/// Fault of a camera's images.
 #[derive(Debug, Clone)]
 enum Spoilt {
     Not,
     Blinded,
-    /// None have come since.
+    /// Frozen at an image; `None` until one has come since.
     Frozen(Option<Box<StillImage>>),
     Silent,
 }
 
-/// What a frozen camera shows: a scene, and the number of the exposure.
+/// Still image of a frozen camera: a scene, and the number of the exposure.
 #[derive(Debug, Clone)]
 struct StillImage {
     exposure: u64,
@@ -49,14 +49,14 @@ struct StillImage {
     X_WO: Pose,
 }
 
-/// When a camera looks.
+/// Exposure times of a camera.
 #[derive(Debug, Clone)]
 struct CameraClock {
-    /// None: at every observation.
+    /// Own rate of a free-running camera; `None` for one that takes an image at every observation.
     free: Option<FreeRun>,
-    /// How often it has looked.
+    /// Number of exposures so far.
     exposures: u64,
-    /// When its newest image arrives.
+    /// Arrival time of the newest image, in seconds.
     arrival_s: f64,
 }
 
@@ -68,7 +68,7 @@ struct FreeRun {
 }
 
 impl CameraClock {
-    /// Whether the camera looks now.
+    /// Returns whether the camera takes an image now.
     fn is_due(&self, now_s: f64, at_observation: bool) -> bool {
         match &self.free {
             None => at_observation,
@@ -99,7 +99,7 @@ impl Sensors {
         }
     }
 
-    /// Where the cameras truly stand, and when those that run freely look first.
+    /// True poses of the cameras, and the phases of those that run freely.
     pub fn camera_poses(&self) -> Vec<CameraPose> {
         let phase_s = |clock: &CameraClock| clock.free.as_ref().map(|free| free.phase_s);
         let poses = self.cameras.cameras().iter().zip(&self.clocks);
@@ -116,7 +116,7 @@ impl Sensors {
         self.windows = windows;
     }
 
-    /// Whether any camera looks now.
+    /// Returns whether any camera takes an image now.
     pub fn are_due(&self, now_s: f64, at_observation: bool) -> bool {
         self.clocks.iter().any(|clock| clock.is_due(now_s, at_observation))
     }
@@ -278,8 +278,7 @@ mod tests {
         assert!(phases.iter().any(|it| *it < 0.2) && phases.iter().any(|it| *it > 0.8));
     }
 
-    /// What camera 0 shows of the arm when a fault of it begins at 50 ms, before and after, in noisy images
-    /// or exact ones.
+    /// Images of the arm in camera 0 with a fault that begins at 50 ms, before and after, noisy or exact.
     fn spoilt(kind: CameraFaultKind, is_noisy: bool) -> [Vec<Vec<f32>>; 2] {
         let camera_faults = vec![CameraFault { camera: 0, kind, from_s: 0.05 }];
         let mut config = ArenaConfig { camera_faults, ..ArenaConfig::default() };

@@ -28,9 +28,9 @@ pub struct Servo {
     executor: Executor,
     /// The arm that it takes the arm for, if that is another.
     other_model: Option<Robot>,
-    /// What the integral of the errors of the joints' positions asks for, in rad/s².
+    /// Acceleration from the integral of the joints' position errors, in rad/s².
     error_integral: JointVector,
-    /// What the joints were last asked for, in rad/s².
+    /// Acceleration that was last demanded of the joints, in rad/s².
     asked_radps2: JointVector,
     /// Excursions that last: entries of the report by limit and joint.
     excursions: HashMap<(LimitKind, usize), usize>,
@@ -41,8 +41,8 @@ impl Servo {
     /// A servo that holds the arm at `q`. `model` is the arm as the servo believes it to be and should carry
     /// its gripper; what is random about the controller comes from `draws`.
     pub fn new(model: Robot, q: JointVector, config: RobotController, draws: Draws) -> Self {
-        // What breaks a limit is counted and executed as well as the torque limits allow, and so are
-        // accelerations that jump along a trajectory, as those of the paper's method do at the catch.
+        // Trajectories that break a limit are counted and executed as well as the torque limits allow, and so
+        // are accelerations that jump along a trajectory, as those of the paper's method do at the catch.
         let checks = ExecutorConfig {
             continuous_start: !config.takes_jumps,
             continuous_inside: false,
@@ -61,12 +61,12 @@ impl Servo {
         }
     }
 
-    /// What was noticed so far.
+    /// Report of the controller so far.
     pub fn report(&self) -> &ServoReport {
         &self.report
     }
 
-    /// What was noticed since the last call, or since the beginning.
+    /// Takes the report since the last call, or since the beginning.
     pub fn take_report(&mut self) -> ServoReport {
         self.excursions.clear();
         std::mem::take(&mut self.report)

@@ -1,4 +1,4 @@
-//! How an object leaves the thrower's hand.
+//! Throws: the release of an object from the thrower's hand.
 
 mod random;
 mod recorded;
@@ -24,12 +24,12 @@ pub struct Release {
     pub p_WO: Point3<f64>,
     /// The velocity of that point in W, in m/s.
     pub v_WO: Vector3<f64>,
-    /// Its orientation.
+    /// Orientation of the object.
     pub q_WO: UnitQuaternion<f64>,
-    /// Its angular velocity in W, in rad/s.
+    /// Angular velocity of the object in W, in rad/s.
     pub omega_WO: Vector3<f64>,
-    /// Along which recorded flight in W it moves until something touches it; by the arena's physics if there
-    /// is none.
+    /// Recorded flight in W along which the object moves until something touches it; by the arena's physics
+    /// if there is none.
     pub path: Option<Arc<RecordedFlight>>,
 }
 
@@ -44,9 +44,9 @@ pub struct Throw {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ThrowFile {
-    /// How it moves.
+    /// Motion of the object.
     motion: Motion,
-    /// Per object: intrinsic rotations from left to right, an axis and an angle in degrees each.
+    /// Orientations per object: intrinsic rotations from left to right, an axis and an angle in degrees each.
     #[serde(default)]
     orientations_deg: BTreeMap<String, Vec<AxisAngle>>,
 }
@@ -63,19 +63,19 @@ enum Axis {
     Z,
 }
 
-/// How a throw moves, by its `kind`. Positions and velocities are in the world.
+/// Motion of a throw, by its `kind`. Positions and velocities are in the world.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 enum Motion {
-    /// The same throw every time.
+    /// Motion that is the same every time.
     Fixed {
-        /// Where the object is released.
+        /// Position of the object at the release.
         #[serde(deserialize_with = "quantity::place_m")]
         position_m: [f64; 3],
-        /// Its velocity then.
+        /// Velocity at the release.
         #[serde(deserialize_with = "quantity::velocity_mps")]
         velocity_mps: [f64; 3],
-        /// Its angular velocity then.
+        /// Angular velocity at the release.
         #[serde(deserialize_with = "quantity::spin_radps")]
         spin_radps: [f64; 3],
     },
@@ -101,9 +101,9 @@ enum Motion {
         #[serde(deserialize_with = "quantity::velocity_mps")]
         vertical_speed_mps: [f64; 2],
     },
-    /// From anywhere in a sector, past the robot's base on one side.
+    /// Throws from anywhere in a sector, past the robot's base on one side.
     Random(RandomMotion),
-    /// As others were recorded.
+    /// Recorded throws.
     Recorded(RecordedMotion),
 }
 
@@ -119,7 +119,7 @@ impl Throw {
         })
     }
 
-    /// The same, of recorded throws too: `read` finds their recordings.
+    /// Reads a throw, also one of recorded throws: `read` finds their recordings.
     ///
     /// # Errors
     /// As [`from_toml`](Self::from_toml), or faults of the recordings.
@@ -163,7 +163,7 @@ impl Throw {
         Ok(Self { motion: fields.motion, orientations })
     }
 
-    /// The same throw for an arm of this [length](catch_body::Robot::length_m): where the file gives the
+    /// Adapts the throw to an arm of this [length](catch_body::Robot::length_m): where the file gives the
     /// passage for an arm of some length, it is nearer and lower for a shorter one.
     pub fn for_arm(mut self, length_m: f64) -> Self {
         match &mut self.motion {
@@ -174,7 +174,8 @@ impl Throw {
         self
     }
 
-    /// The same objects in the same orientations on another way, every time the same, without spin.
+    /// Returns a throw of the same objects in the same orientations with another release, every time the
+    /// same, without spin.
     pub fn moved(&self, p_WO: &Point3<f64>, v_WO: &Vector3<f64>) -> Self {
         let motion =
             Motion::Fixed { position_m: p_WO.coords.into(), velocity_mps: (*v_WO).into(), spin_radps: [0.0; 3] };
@@ -227,10 +228,10 @@ impl Throw {
     }
 }
 
-/// How near the base's axis a release that is aimed at it may be.
+/// Least distance from the base's axis of a release that is aimed at it, in metres.
 const LEAST_DISTANCE_M: f64 = 0.01;
 
-/// Whether a field of the motion is a range.
+/// Checks that a field of the motion is a range.
 fn check_range(file: &str, field: &str, range: [f64; 2]) -> Result<(), InputError> {
     let [low, high] = range;
     if low > high {

@@ -12,10 +12,10 @@ use crate::{conditions::Conditions, object::ThrownObject, throw::Release};
 /// All that was drawn for a throw, and what it was drawn around.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ThrowConditions {
-    /// Of the object and its flight.
+    /// Conditions of the object and its flight.
     #[serde(flatten)]
     pub flight: FlightConditions,
-    /// Of arm, gripper and cameras.
+    /// Conditions of arm, gripper and cameras.
     #[serde(flatten)]
     pub cell: CellConditions,
 }
@@ -23,7 +23,7 @@ pub struct ThrowConditions {
 /// Conditions of the object, its flight and its contacts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlightConditions {
-    /// How it left the thrower's hand.
+    /// Release of the object from the thrower's hand.
     pub release: ReleaseState,
     /// Coulomb friction coefficient of all contacts.
     #[serde(deserialize_with = "quantity::true_value")]
@@ -72,7 +72,7 @@ pub struct ReleaseState {
     /// Angular velocity in W, in rad/s.
     #[serde(deserialize_with = "quantity::true_value")]
     pub spin_radps: [f64; 3],
-    /// Whether it flies along a recorded track until something touches it.
+    /// True if the object flies along a recorded track until something touches it.
     pub is_recorded: bool,
 }
 
@@ -82,13 +82,13 @@ pub struct CellConditions {
     /// Mass of each link over that in the model, base to tip.
     #[serde(deserialize_with = "quantity::true_value")]
     pub link_mass_ratios: Vec<f64>,
-    /// Where the gripper truly is: G in M.
+    /// True pose of the gripper: G in M.
     pub gripper_mount: FramePose,
-    /// When the first cycle of the gripper's connection was, in seconds on the cell's clock; none for one
+    /// Time of the first cycle of the gripper's connection, in seconds on the cell's clock; none for one
     /// without cycles.
     #[serde(deserialize_with = "quantity::true_value")]
     pub gripper_phase_s: Option<f64>,
-    /// Where the cameras truly stood, in the order of the rig.
+    /// True poses of the cameras, in the order of the rig.
     pub cameras: Vec<CameraPose>,
     /// Fraction of the object's surface that gives no depth.
     #[serde(deserialize_with = "quantity::true_value")]
@@ -112,8 +112,8 @@ pub struct CameraPose {
     /// The pose.
     #[serde(flatten)]
     pub pose: FramePose,
-    /// When the first image of a camera that runs freely is due, in seconds; none for one that looks at every
-    /// observation.
+    /// Time at which the first image of a free-running camera is due, in seconds; none for one that takes an
+    /// image at every observation.
     #[serde(default, deserialize_with = "quantity::true_value", skip_serializing_if = "Option::is_none")]
     pub phase_s: Option<f64>,
 }
@@ -126,7 +126,7 @@ impl From<&Pose> for FramePose {
 }
 
 impl FlightConditions {
-    /// Those of an object that is released so under these conditions.
+    /// Conditions of an object that is released so under these conditions.
     pub fn of(object: &ThrownObject, release: &Release, conditions: &Conditions) -> Self {
         let rows = |matrix: &nalgebra::Matrix3<f64>| matrix.transpose().into();
         Self {

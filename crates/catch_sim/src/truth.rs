@@ -1,4 +1,4 @@
-//! What really happened: for the referee, recordings and pictures, never for the brain.
+//! Ground truth of a trial: for the referee, recordings and pictures, never for the brain.
 
 use catch_body::{JointVector, Pose, Twist, quantity};
 use catch_cell::LimitViolation;
@@ -11,18 +11,17 @@ use crate::throw_conditions::ThrowConditions;
 pub struct Truth {
     /// One sample per step of the physics, the first at t = 0; recordings keep at most 2000 per second.
     pub samples: Vec<TruthSample>,
-    /// What the robot controller noticed.
+    /// Report of the robot controller.
     pub servo: ServoReport,
-    /// Since when the physics has been diverged, if it ever was: a state was not finite or beyond what
-    /// sensors can tell, and the last good one has stood still from there on.
+    /// Time at which the physics diverged, if it did: a state was not finite or beyond the range of sensors,
+    /// and the last good one has stood still from there on.
     pub diverged_s: Option<f64>,
-    /// Since when the world has been shaking.
+    /// Time at which the disturbance of the world began.
     pub disturbed_since_s: Option<f64>,
-    /// What was drawn for the throw; older recordings have none.
+    /// Drawn conditions of the throw; older recordings have none.
     #[serde(default)]
     pub conditions: Option<ThrowConditions>,
-    /// How near its limits the arm came before anything touched the gripper; what comes after is the impact's
-    /// doing.
+    /// Largest ratios to the arm's limits before anything touched the gripper; later ones include the impact.
     #[serde(default)]
     pub before_contact: Option<PeakRatios>,
 }
@@ -30,10 +29,10 @@ pub struct Truth {
 /// Highest values over their limits, of any joint.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct PeakRatios {
-    /// Of the measured velocity.
+    /// Ratio of the measured velocity.
     #[serde(deserialize_with = "quantity::true_value")]
     pub velocity: f64,
-    /// Of the torque that the controller asked for, before clamping.
+    /// Ratio of the torque that the controller asked for, before clamping.
     #[serde(deserialize_with = "quantity::true_value")]
     pub torque: f64,
 }
@@ -47,7 +46,7 @@ impl From<&ServoReport> for PeakRatios {
 /// The state at one instant, and the forces of the step that led to it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TruthSample {
-    /// When, in seconds on the cell's clock; in a trial that begins at the release.
+    /// Time of the sample, in seconds on the cell's clock; in a trial that begins at the release.
     #[serde(deserialize_with = "quantity::clock_s")]
     pub time_s: f64,
     /// Joint positions in radians.
@@ -62,7 +61,7 @@ pub struct TruthSample {
     /// Pose of the gripper.
     #[serde(deserialize_with = "quantity::true_pose")]
     pub X_WG: Pose,
-    /// Its spatial velocity, the linear part at the origin of G.
+    /// Spatial velocity of the gripper, the linear part at the origin of G.
     pub V_WG: Twist,
     /// Distance between the fingers' inner faces in metres.
     #[serde(deserialize_with = "quantity::true_value")]
@@ -78,14 +77,14 @@ pub struct TruthSample {
     /// Pose of the object.
     #[serde(deserialize_with = "quantity::true_pose")]
     pub X_WO: Pose,
-    /// Its spatial velocity, the linear part at the origin of O. That is the centre of mass but for bodies as
-    /// published: [`ThrownObject::com_O`](crate::ThrownObject::com_O).
+    /// Spatial velocity of the object, the linear part at the origin of O. That is the centre of mass but for
+    /// bodies as published: [`ThrownObject::com_O`](crate::ThrownObject::com_O).
     pub V_WO: Twist,
-    /// What touched the object.
+    /// Parts that touched the object.
     pub contact: Contact,
 }
 
-/// What touched the object during a step.
+/// Parts that touched the object during a step.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Contact {
     /// The finger at negative x of G.
@@ -107,18 +106,18 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Whether anything touched the object.
+    /// Returns whether anything touched the object.
     pub fn any(&self) -> bool {
         self.gripper() || self.arm || self.floor || self.obstacle
     }
 
-    /// Whether fingers or palm touched it.
+    /// Returns whether fingers or palm touched the object.
     pub fn gripper(&self) -> bool {
         self.left_finger || self.right_finger || self.palm
     }
 }
 
-/// What the robot controller noticed.
+/// Events noticed by the robot controller.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ServoReport {
     /// Trajectories that were taken.
@@ -128,7 +127,7 @@ pub struct ServoReport {
     /// Trajectories rejected for any other reason: invalid, not ending at rest, discontinuous, declined by
     /// the controller.
     pub rejected_trajectories: u32,
-    /// Those of them that did not continue the one being executed, or were not continuous themselves.
+    /// Rejected trajectories that did not continue the one being executed, or were not continuous themselves.
     pub discontinuous_trajectories: u32,
     /// Gripper moves refused because a number was not finite, or speed or force not above zero.
     pub rejected_gripper_moves: u32,
@@ -137,7 +136,7 @@ pub struct ServoReport {
     /// Limits broken in motion, one entry per excursion with its worst value: positions out of range,
     /// velocities beyond 1.01.
     pub motion_violations: Vec<LimitViolation>,
-    /// How long the torque was clamped.
+    /// Time for which the torque was clamped, in seconds.
     pub torque_clamped_s: f64,
     /// Highest measured velocity over its limit, of any joint.
     pub peak_velocity_ratio: f64,

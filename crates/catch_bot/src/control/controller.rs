@@ -14,7 +14,7 @@ use crate::{
 /// corrections are small enough by then to go on.
 const COMMIT_S: f64 = 0.05;
 
-/// What is under way: the running plan, the closing of the gripper, and what was sent for them.
+/// State of the running catch: its plan, the closing of the gripper, and the commands sent for them.
 #[derive(Debug, Clone)]
 pub struct Controller {
     config: Config,
@@ -25,14 +25,14 @@ pub struct Controller {
     plan: Option<CatchPlan>,
     closing: Option<GripperPlan>,
     progress: Progress,
-    /// What takes the place of the gripper moves of a plan that was rejected or lost.
+    /// Gripper moves that replace those of a plan that was rejected or lost.
     amended: Option<Vec<GripperMove>>,
     /// The plans that the arm was sent and has not rejected.
     sent: SentPlans,
 }
 
 impl Controller {
-    /// For an arm that waits, its gripper open.
+    /// Creates the controller for an arm that waits with its gripper open.
     pub fn new(config: Config, grasping: grasp_selection::Config, robot: Robot, gripper: Gripper) -> Self {
         let (progress, sent) = (Progress::default(), SentPlans::default());
         Self { config, grasping, robot, gripper, plan: None, closing: None, progress, amended: None, sent }
@@ -48,12 +48,12 @@ impl Controller {
         self.closing
     }
 
-    /// What the planner wanted to know again.
+    /// State of the planner that it wants back with the next image.
     pub fn progress(&self) -> Progress {
         self.progress
     }
 
-    /// Whether it is too late to change anything.
+    /// Returns whether the catch is committed: too late to change anything.
     pub fn is_committed(&self, now_s: f64) -> bool {
         self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s - COMMIT_S)
     }
@@ -90,8 +90,8 @@ impl Controller {
         Command { gripper: command.gripper.or(amended), ..command }
     }
 
-    /// When to close so that both fingers touch the object when its centre passes the grasp centre of the
-    /// moving gripper, or shortly before.
+    /// Plans the closing of the gripper: both fingers touch the object when its centre passes the grasp
+    /// centre of the moving gripper, or shortly before.
     fn closing_for(&self, observation: &Observation, plan: &CatchPlan, flight: &FlightTrajectory) -> GripperPlan {
         let Self { config, grasping, robot, gripper, .. } = self;
         let (now_s, fingers) = (observation.time_s, &observation.gripper);
@@ -118,8 +118,8 @@ impl Controller {
         GripperPlan { start_s: close_s - latency_s, contact_s, speed_mps: closing.speed_mps }
     }
 
-    /// Where the arm will be when a motion that is planned now takes over. Encoders are noisy and a loaded
-    /// arm sags; what it is commanded is known exactly.
+    /// Time and set-point at which a motion that is planned now takes over. They follow from the commands,
+    /// which are known exactly, and not from the encoders, which are noisy and show a loaded arm that sags.
     pub fn start(&self, observation: &Observation) -> Start {
         let time_s = observation.time_s + self.config.expected_latency_s;
         Start { time_s, state: self.sent.setpoint(time_s, &observation.arm) }

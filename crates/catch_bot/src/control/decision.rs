@@ -9,11 +9,11 @@ use crate::{
     trajectory_prediction::FlightTrajectory,
 };
 
-/// How far the brain got in a tick: what it has, or what it lacks.
+/// Status of the brain in a tick: the last stage that succeeded, or what is missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// Nothing that could be the object is in the images.
+    /// No candidate for the object is in the images.
     #[default]
     NoObject,
     /// Too few poses agree on a flight.
@@ -22,7 +22,7 @@ pub enum Status {
     OutOfReach,
     /// The object passes within reach, but no way of holding it was found.
     NoGrasp,
-    /// It passes within reach, but would hit the open gripper on its approach, whatever the grasp.
+    /// The object passes within reach, but would hit the open gripper on its approach, whatever the grasp.
     Blocked,
     /// A catch was chosen, but no motion to it that keeps all limits.
     NoPlan,
@@ -34,12 +34,12 @@ pub enum Status {
     Approached,
     /// A new plan was made.
     Planned,
-    /// Too late to change anything: the plan runs to its end.
+    /// The catch is committed, too late to change anything: the plan runs to its end.
     Committed,
 }
 
 impl Status {
-    /// Whether the arm was sent a new motion.
+    /// Returns whether the arm was sent a new motion.
     pub fn is_new_motion(self) -> bool {
         matches!(self, Self::Planned | Self::Approached)
     }
@@ -54,29 +54,29 @@ impl Status {
     }
 }
 
-/// What a planner wants to know again with the next image.
+/// State of a planner that is handed back to it with the next image.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Progress {
     /// Search passes in a row that found no catch.
     pub passes: usize,
-    /// When the arm departed from its ready pose; `None` if it was elsewhere when the first catch was
-    /// planned.
+    /// Time at which the arm departed from its ready pose, in seconds on the cell's clock; `None` if it was
+    /// elsewhere when the first catch was planned.
     pub departure_s: Option<f64>,
     /// Holding cost at which the running catch was chosen or last compared with others; `None` before there
     /// is one.
     pub reference_cost: Option<f64>,
 }
 
-/// What a catch is planned from.
+/// Inputs from which a catch is planned.
 #[derive(Debug, Clone, Copy)]
 pub struct Situation<'a> {
     /// Times of this observation and, if there was one, of the one before that had images, on the cell's
     /// clock.
     pub observed_s: (f64, Option<f64>),
-    /// When the object was seen first, in seconds on the cell's clock.
+    /// Time at which the object was first seen, in seconds on the cell's clock.
     pub first_seen_s: f64,
-    /// When a motion that is planned now takes over, and the joints' set-point then: a new trajectory must
-    /// start there.
+    /// Time at which a motion that is planned now takes over, and the joints' set-point then: a new
+    /// trajectory must start there.
     pub start: Start,
     /// Positions in radians and velocities in rad/s of the joints as they are sensed.
     pub sensed: (JointVector, JointVector),
@@ -86,35 +86,35 @@ pub struct Situation<'a> {
     pub running: Option<&'a CatchPlan>,
     /// The closing of the gripper as commanded last.
     pub closing: Option<GripperPlan>,
-    /// What the planner answered last time.
+    /// State that the planner returned last time.
     pub progress: Progress,
 }
 
 impl Situation<'_> {
-    /// Whether the fingers begin to close before a motion that is planned now could take over.
+    /// Returns whether the fingers begin to close before a motion that is planned now could take over.
     pub fn is_closing(&self) -> bool {
         self.closing.is_some_and(|closing| closing.start_s <= self.start.time_s)
     }
 }
 
-/// What a planner decided.
+/// Result of one call of a planner.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decision {
-    /// How far it got.
+    /// Status of the planner.
     pub status: Status,
     /// The plan to be executed from now on: a new one if the [status](Status::is_new_motion) says so, else
     /// the running one, perhaps with another gripper aperture.
     pub plan: Option<CatchPlan>,
-    /// What it wants to know again.
+    /// State that the planner wants back with the next image.
     pub progress: Progress,
 }
 
 /// Chooses the catch and the arm's motion to it (paper, III-C and III-D).
 pub trait CatchPlanner {
-    /// What to do about the flight as it is known now.
+    /// Plans the catch for the flight as it is predicted now.
     fn plan(&mut self, situation: &Situation<'_>) -> Decision;
 
-    /// How often its arithmetic failed in this throw; zero where the method does not count.
+    /// Returns the number of numerical failures in this throw; zero where the method does not count.
     fn numerical_failures(&self) -> u32 {
         0
     }

@@ -44,23 +44,24 @@ impl Default for Config {
 /// A plan that cannot be adjusted is kept while the object is expected within this distance of its grasp
 /// centre, in metres.
 const TOLERATED_MISS_M: f64 = 0.006;
-/// And while its orientation differs by less than this, in radians.
+/// A plan that cannot be adjusted is kept while the object's orientation differs by less than this, in
+/// radians.
 const TOLERATED_MISS_RAD: f64 = 0.03;
 
-/// When the gripper closes.
+/// Timing and speed of the gripper's closing.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GripperPlan {
-    /// When the move that closes the fingers starts, in seconds on the cell's clock; the fingers follow
+    /// Start of the move that closes the fingers, in seconds on the cell's clock; the fingers follow
     /// [`Config::gripper_latency_s`] later.
     pub start_s: f64,
-    /// When they are expected to touch the object, on the same clock.
+    /// Expected contact of the fingers with the object, on the same clock.
     pub contact_s: f64,
     /// Speed of closing in m/s, the fingers relative to each other.
     pub speed_mps: f64,
 }
 
-/// Whether a plan whose motion cannot be changed any more still meets the object, for which the gripper would
-/// have to be at `X_WG`.
+/// Returns whether a plan whose motion cannot be changed any more still meets the object, for which the
+/// gripper would have to be at `X_WG`.
 pub fn is_still_good(plan: &CatchPlan, X_WG: &Pose, gripper: &Gripper) -> bool {
     let missed_by = (X_WG * gripper.grasp_centre() - plan.X_WG * gripper.grasp_centre()).norm();
     missed_by < TOLERATED_MISS_M && X_WG.rotation.angle_to(&plan.X_WG.rotation) < TOLERATED_MISS_RAD

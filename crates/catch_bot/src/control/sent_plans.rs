@@ -65,8 +65,8 @@ impl SentPlans {
         self.plans.back().map(|(_, plan)| plan)
     }
 
-    /// What the arm will be asked for at `time_s`: by the plan that will be executing then, or, where that is
-    /// none of these, by what its controller asks for now.
+    /// Set-point of the arm at `time_s`: of the plan that will be executing then, or, if there is none,
+    /// extrapolated from the set-point of the arm's controller now.
     pub fn setpoint(&self, time_s: f64, arm: &ArmState) -> Setpoint {
         let executing = self.plans.iter().rev().find(|(_, plan)| plan.trajectory.start_s() <= time_s);
         executing.map_or_else(|| arm.extrapolated(time_s), |(_, plan)| plan.trajectory.setpoint(time_s))

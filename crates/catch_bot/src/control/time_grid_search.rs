@@ -23,7 +23,7 @@ pub struct TimeGridSearch {
 }
 
 impl TimeGridSearch {
-    /// For an arm with a gripper, and an object by its grasp candidates.
+    /// Creates the planner for an arm with a gripper, and an object by its grasp candidates.
     pub fn new(
         config: Config,
         grasping: grasp_selection::Config,
@@ -33,7 +33,7 @@ impl TimeGridSearch {
         Self { config, grasping, grasps, search, failures: 0 }
     }
 
-    /// As many search passes as an image allows.
+    /// Runs as many search passes as one image allows.
     fn pass(
         &self,
         situation: &Situation<'_>,
@@ -69,9 +69,9 @@ impl TimeGridSearch {
         }
     }
 
-    /// The same catch adjusted, else a little sooner or later, else the old motion while it is good enough,
-    /// else another catch, else as near to it as the arm can still come. Another catch also takes the place
-    /// of one that promised more than it now does.
+    /// Corrects a running catch: the same catch adjusted, else a little sooner or later, else the old motion
+    /// while it is good enough, else another catch, else as near to it as the arm can still come. Another
+    /// catch also takes the place of one that promised more than it now does.
     fn replan(&self, situation: &Situation<'_>, incoming: &Incoming<'_>, running: &CatchPlan) -> Decision {
         let (start, search) = (&situation.start, &self.search);
         let to = Correction::new(start, incoming, running, running.catch_s);

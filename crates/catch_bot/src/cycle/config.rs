@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CycleConfig {
-    /// How long an object is held after the catch, in seconds.
+    /// Time for which an object is held after the catch, in seconds.
     #[serde(deserialize_with = "quantity::phase_s")]
     pub hold_s: f64,
 }

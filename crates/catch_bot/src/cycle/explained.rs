@@ -1,8 +1,8 @@
-//! How well objects explain what flies, by one statistic for all of them.
+//! Mismatch between objects and the images of a flight, as one statistic for all objects.
 
 use crate::perception::ObjectPose;
 
-/// What the images of a flight say of one object.
+/// Mismatch between one object and the images of a flight.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Explained {
     points: Mismatches,
@@ -54,7 +54,8 @@ mod tests {
         synthetic::{self, Noise, Normal, Shape},
     };
 
-    /// With hardly any noise the points of the right object do, while the others ask the silhouette as well.
+    /// With hardly any noise the right object is compared by its points, while the others also use the
+    /// silhouette.
     #[test]
     fn an_object_on_points_is_compared_with_one_on_silhouettes() {
         let (cameras, config) = (synthetic::flight_rig(), Config::default());
@@ -98,7 +99,7 @@ mod tests {
         let right = explained(&[4.0; 5], &[1.0]);
         let wrong = explained(&[60.0; 5], &[0.5, 3.0, 3.0, 3.0, 3.0]);
         assert_eq!(best(&[wrong, right].into_iter().enumerate()), Some(1));
-        // Where depths tell no shape there are silhouettes alone.
+        // Without depths that show a shape there are silhouettes alone.
         let (right, wrong) = (explained(&[], &[1.0; 5]), explained(&[], &[2.0; 5]));
         assert_eq!(best(&[wrong, right].into_iter().enumerate()), Some(1));
         assert_eq!(best(&std::iter::empty()), None);

@@ -1,14 +1,14 @@
-//! How the fingers close: up to a speed, at an acceleration.
+//! Closing motion of the fingers: limited in speed and acceleration.
 
 /// Halvings after which a wait of seconds is known to a nanosecond.
 const HALVINGS: usize = 32;
 
-/// Where the fingers are, and how fast they move.
+/// Distance and speed of the fingers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fingers {
-    /// Their distance in metres.
+    /// Distance between the fingers in metres.
     pub width_m: f64,
-    /// How fast they open in m/s, negative while they close.
+    /// Opening speed of the fingers in m/s, negative while they close.
     pub rate_mps: f64,
 }
 
@@ -22,7 +22,7 @@ pub struct Closing {
 }
 
 impl Closing {
-    /// How long it takes for `travel_m`.
+    /// Duration of a closing by `travel_m` from rest, in seconds.
     pub fn duration_s(&self, travel_m: f64) -> f64 {
         let travel_m = travel_m.max(0.0);
         // s = a·t²/2 up to the speed v at t = v/a, s = v·t − v²/2a from there on.
@@ -34,8 +34,8 @@ impl Closing {
         }
     }
 
-    /// How long fingers may go on toward an aperture before they begin to close, to be `object_width_m` apart
-    /// `contact_in_s` from now; zero is the least.
+    /// Longest time for which the fingers may go on toward an aperture before they close, to be
+    /// `object_width_m` apart `contact_in_s` from now; at least zero.
     ///
     /// Whatever the fingers do first, they cannot be there sooner than by closing at once: the time of
     /// contact rises with the wait.
@@ -84,7 +84,7 @@ impl Closing {
         Fingers { width_m: fingers.width_m + side * gone_m, rate_mps: side * speed_mps }
     }
 
-    /// How long it takes for `travel_m` of fingers that close at `speed_mps` already.
+    /// Duration of a closing by `travel_m` of fingers that close at `speed_mps` already, in seconds.
     fn duration_from_s(&self, travel_m: f64, speed_mps: f64) -> f64 {
         let (travel_m, a) = (travel_m.max(0.0), self.acceleration_mps2);
         let ramp_m = (self.speed_mps * self.speed_mps - speed_mps * speed_mps).max(0.0) / (2.0 * a);
@@ -95,7 +95,7 @@ impl Closing {
         }
     }
 
-    /// How far there is still to go `before_s` the end of a closing by `travel_m`.
+    /// Distance that remains `before_s` the end of a closing by `travel_m`, in metres.
     pub fn remaining_m(&self, travel_m: f64, before_s: f64) -> f64 {
         let elapsed_s = self.duration_s(travel_m) - before_s;
         if elapsed_s <= 0.0 {

@@ -18,7 +18,7 @@ const MAX_STRENGTH_M: f64 = 0.03;
 /// friction coefficient of 0.4, the lowest that is expected.
 const MAX_CONTACT_ANGLE_RAD: f64 = 0.38;
 
-/// Why a gripper cannot hold an object at one place.
+/// Reason for which a gripper cannot hold an object with one grasp candidate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum GraspFailure {
     /// Nothing is between the fingers.
@@ -74,7 +74,7 @@ pub fn fit_gripper(
         reference.points.iter().map(|point| X_GO * point).filter(over_palm).map(|p| p.y).fold(f64::INFINITY, f64::min);
     let backed_off = (gripper.palm_y_m() + PALM_MARGIN_M - lowest).max(0.0);
 
-    // What lies between the fingers, and its middle along the closing direction.
+    // Points between the fingers, and their middle along the closing direction.
     let X_GO = place(Vector3::new(0.0, -backed_off, 0.0)).inverse();
     let between = || {
         reference.points.iter().map(|point| X_GO * point).filter(|p| p.z.abs() < half_gap && p.y > 0.0 && p.y < reach)
@@ -118,7 +118,7 @@ pub fn fit_gripper(
     Ok(Grasp { X_OG, object_width_m, aperture_m, strength_m, overhang_m, held_G })
 }
 
-/// How far the gripper opens for an object of this width, and the room that is then left beside it.
+/// Gripper aperture for an object of this width, and the clearance that is then left on each side, in metres.
 fn opening(gripper: &Gripper, config: &Config, object_width_m: f64) -> Result<(f64, f64), GraspFailure> {
     let roomy_m = object_width_m + 2.0 * config.finger_margin_m;
     let most_margin_m = (gripper.max_width_m - object_width_m) / 2.0;
@@ -133,8 +133,9 @@ fn opening(gripper: &Gripper, config: &Config, object_width_m: f64) -> Result<(f
     Ok((aperture_m, margin_m))
 }
 
-/// How squarely the finger on one `side` (−1, 1) meets the surface of an object of this width at `X_GO`: the
-/// cosine of the angle between its face and the mean normal of what it touches, zero where that is nothing.
+/// Squareness of the contact between the finger on one `side` (−1, 1) and an object of this width at `X_GO`:
+/// the cosine of the angle between the finger's face and the mean normal of the surface that it touches, zero
+/// where it touches nothing.
 fn squareness(reference: &ReferenceModel, gripper: &Gripper, X_GO: &Pose, width_m: f64, side: f64) -> f64 {
     let (half_gap, reach) = (gripper.finger_size_m[2] / 2.0, gripper.fingertip_y_m());
     let (sum, count) = reference
@@ -149,7 +150,7 @@ fn squareness(reference: &ReferenceModel, gripper: &Gripper, X_GO: &Pose, width_
     if count == 0 { 0.0 } else { sum.normalize().x * side }
 }
 
-/// How much farther from the palm than the grasp centre an object's centre of mass is.
+/// Distance by which an object's centre of mass is farther from the palm than the grasp centre, in metres.
 pub fn overhang_m(X_GO: &Pose, gripper: &Gripper) -> f64 {
     (X_GO.translation.vector.y - gripper.grasp_centre_y_m).max(0.0)
 }

@@ -11,25 +11,26 @@ use serde::{Deserialize, Serialize};
 
 use super::Grasp;
 
-/// How much each heuristic counts. All terms are costs between 0 and about 1.
+/// Weights of the heuristics. All terms are costs between 0 and about 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Weights {
-    /// On the fraction of the velocity that points at a finger, |v̂·x_G|.
+    /// Weight of the fraction of the velocity that points at a finger, |v̂·x_G|.
     #[serde(deserialize_with = "quantity::weight")]
     pub catchability: f64,
-    /// On the distance of the centre of mass from the gripper's axis, per 30 mm.
+    /// Weight of the distance of the centre of mass from the gripper's axis, per 30 mm.
     #[serde(deserialize_with = "quantity::weight")]
     pub strength: f64,
-    /// On how much farther from the palm than the grasp centre the centre of mass is, per 30 mm.
+    /// Weight of the distance by which the centre of mass is farther from the palm than the grasp centre, per
+    /// 30 mm.
     #[serde(deserialize_with = "quantity::weight")]
     pub overhang: f64,
-    /// On the object's width between the fingers, per 100 mm: narrow parts are usually its long sides, which
-    /// hold it better.
+    /// Weight of the object's width between the fingers, per 100 mm: narrow parts are usually its long sides,
+    /// which hold it better.
     #[serde(deserialize_with = "quantity::weight")]
     pub width: f64,
-    /// On passing through the gap instead of flying toward the palm, which gives four times the time to
-    /// close.
+    /// Weight of passing through the gap instead of flying toward the palm, which gives four times the time
+    /// to close.
     #[serde(deserialize_with = "quantity::weight")]
     pub pass_through: f64,
     /// The fraction of the velocity that may point at a finger; grasps with more are dropped.
@@ -65,13 +66,13 @@ impl Weights {
     }
 }
 
-/// How the object comes into the gripper.
+/// Direction from which the object enters the gripper.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Approach {
-    /// It flies toward the palm.
+    /// The object flies toward the palm.
     TowardPalm,
-    /// It passes between the fingers, across the gap.
+    /// The object passes between the fingers, across the gap.
     ThroughGap,
 }
 
@@ -82,11 +83,11 @@ pub struct RankedGrasp {
     pub index: usize,
     /// Pose of the gripper in W when the fingers close.
     pub X_WG: Pose,
-    /// How the object comes in.
+    /// Direction from which the object enters.
     pub approach: Approach,
     /// Weighted sum of the heuristics for a gripper that stands still; less is better.
     pub cost: f64,
-    /// What of it does not depend on the velocity.
+    /// Part of the cost that does not depend on the velocity.
     pub still_cost: f64,
 }
 
@@ -101,19 +102,20 @@ pub struct Passing<'a> {
 }
 
 impl<'a> Passing<'a> {
-    /// At `X_WO`, with the velocity `v_WO` in W; `base` is where the arm stands.
+    /// Creates the passage of an object at `X_WO`, with the velocity `v_WO` in W; `base` is the position of
+    /// the arm.
     pub fn new(X_WO: &'a Pose, v_WO: &Vector3<f64>, base: &'a Point3<f64>, weights: &'a Weights) -> Self {
         let v_O = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6).unwrap_or_default();
         Self { X_WO, v_O, base, weights }
     }
 
-    /// Whether it moves at all.
+    /// Returns whether the object moves at all.
     pub fn moves(&self) -> bool {
         self.v_O != Vector3::zeros()
     }
 
-    /// Whether a grasp with these closing and approaching directions in O can catch it: it must neither move
-    /// toward a finger nor come from behind.
+    /// Returns whether a grasp with these closing and approaching directions in O can catch the object: it
+    /// must neither move toward a finger nor come from behind.
     pub fn can_be_caught(&self, [closing_O, approach_O]: &[Vector3<f64>; 2]) -> bool {
         closing_O.dot(&self.v_O).abs() <= self.weights.max_sideways
             && approach_O.dot(&self.v_O) <= self.weights.max_from_behind
@@ -139,7 +141,7 @@ impl<'a> Passing<'a> {
         RankedGrasp { index, X_WG, approach, cost: still_cost + weights.of_direction(sideways, along), still_cost }
     }
 
-    /// The same for a single grasp.
+    /// Ranks a single grasp.
     pub fn rank_alone(&self, index: usize, grasp: &Grasp) -> RankedGrasp {
         self.rank(index, grasp, &[grasp.X_OG * Vector3::x(), grasp.X_OG * Vector3::y()])
     }

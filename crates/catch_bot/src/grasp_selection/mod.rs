@@ -36,32 +36,32 @@ pub struct Config {
     /// uncertainty. Where the gripper does not open so far there is less, not less than the approach margin.
     #[serde(deserialize_with = "quantity::error_m")]
     pub finger_margin_m: f64,
-    /// What must be left of it while the object comes in, in metres.
+    /// Least part of the finger margin that must be left while the object enters the gripper, in metres.
     #[serde(deserialize_with = "quantity::error_m")]
     pub approach_margin_m: f64,
     /// Speed of closing in m/s, the fingers relative to each other; the gripper's own limit if nothing is
     /// said.
     #[serde(deserialize_with = "quantity::drive_speed_mps")]
     pub closing_speed_mps: Option<f64>,
-    /// How fast they gather it, in m/s²; likewise.
+    /// Acceleration at which the fingers close, in m/s²; the gripper's largest if it is not set.
     #[serde(deserialize_with = "quantity::drive_acceleration_mps2")]
     pub closing_acceleration_mps2: Option<f64>,
     /// The fingers should touch the object when its centre still has this far to go across them to the grasp
     /// centre, in metres: the way on which they brake it.
     #[serde(deserialize_with = "quantity::error_m")]
     pub finger_braking_distance_m: f64,
-    /// The same for what flies along the fingers toward the palm, from which it would bounce: fingers that
-    /// close slowly should touch it as soon as it is between them.
+    /// Braking distance of an object that flies along the fingers toward the palm, from which it would
+    /// bounce, in metres: fingers that close slowly should touch it as soon as it is between them.
     #[serde(deserialize_with = "quantity::error_m")]
     pub palm_braking_distance_m: f64,
-    /// What comes back from the palm as fast as it came must be held before it gets there; what comes back
-    /// slowly may be held on its way back, when all of it is between the fingers. The way is
-    /// [`Config::palm_braking_distance_m`] less this times 1/e − 1, in metres, e being
-    /// [`Config::restitution`], at least 0.3; it may be negative.
+    /// Reduction of the palm braking distance for soft objects, in metres: the distance becomes
+    /// [`Config::palm_braking_distance_m`] less this times 1/e − 1, e being [`Config::restitution`], at least
+    /// 0.3; it may be negative. An object that bounces fast must be held before it reaches the palm; a slow
+    /// one may be held on its way back, when all of it is between the fingers.
     #[serde(deserialize_with = "quantity::error_m")]
     pub palm_rebound_distance_m: f64,
-    /// How the object is expected to bounce off the gripper: its coefficient of restitution, 0 to 1; a
-    /// typical 0.5 if it is not set.
+    /// Expected coefficient of restitution of the object on the gripper, 0 to 1; a typical 0.5 if it is not
+    /// set.
     #[serde(deserialize_with = "quantity::fraction")]
     pub restitution: Option<f64>,
     /// Weights of the heuristics.
@@ -85,7 +85,7 @@ impl Default for Config {
     }
 }
 
-/// How the grasp candidates of an object are sampled.
+/// Parameters for sampling the grasp candidates of an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sampling<'a> {
     /// Points of the cloud at which Darboux frames are tried at most, each in four orientations.
@@ -116,12 +116,12 @@ pub const KEPT: usize = 60;
 /// Fingers that need longer than this to close by the finger margin on both sides, in seconds, are slow: they
 /// wait nearer to the object, so that less is left to close and the motion can be corrected for longer.
 const SLOW_CLOSING_S: f64 = 0.25;
-/// How near slow fingers wait: this many standard deviations of the predicted position along the direction of
+/// Margin at which slow fingers wait, in standard deviations of the predicted position along the direction of
 /// closing on each side, not less than the approach margin nor more than the finger margin.
 const PRE_CLOSING_SD: f64 = 3.0;
 
 impl Config {
-    /// How the fingers close.
+    /// Closing motion of the fingers: their speed and acceleration.
     pub fn closing(&self, gripper: &Gripper) -> Closing {
         Closing {
             speed_mps: match gripper.drive.control {
@@ -132,13 +132,14 @@ impl Config {
         }
     }
 
-    /// Whether the fingers are slow.
+    /// Returns whether the fingers are slow.
     pub fn is_slow(&self, gripper: &Gripper) -> bool {
         self.closing(gripper).duration_s(2.0 * self.finger_margin_m) > SLOW_CLOSING_S
     }
 
-    /// How far on each side of an object slow fingers wait whose position along the direction of closing has
-    /// this standard deviation; `None` for fingers that are fast, or cannot wait anywhere.
+    /// Margin at which slow fingers wait on each side of an object whose position along the direction of
+    /// closing has this standard deviation, in metres; `None` for fingers that are fast, or cannot wait
+    /// anywhere.
     pub fn pre_closing_margin_m(&self, gripper: &Gripper, sd_m: impl FnOnce() -> f64) -> Option<f64> {
         let can_wait = gripper.drive.control != DriveControl::TwoState;
         (self.is_slow(gripper) && can_wait)
@@ -150,12 +151,12 @@ impl Config {
         self.restitution.unwrap_or(TYPICAL_RESTITUTION)
     }
 
-    /// How long before its held place passes the grasp centre, at `v_G` in G, the fingers should touch an
-    /// object: so much earlier as its centre, then `past_G` of the grasp centre, passes earlier, and what it
-    /// takes for the way on which they brake it, across them (along z_G) or along them toward the palm (along
-    /// −y_G). Negative where they should touch it afterwards.
+    /// Lead of the finger contact over the passage of the held point at the grasp centre, in seconds, for an
+    /// object that moves at `v_G` in G. It is the time by which the object's centre, then `past_G` from the
+    /// grasp centre, passes earlier, plus the time over the braking distance: across the fingers (along z_G),
+    /// or along them toward the palm (along −y_G). Negative where the fingers should touch afterwards.
     ///
-    /// What is squeezed where its centre is stays; what has passed with its centre hangs out on the other
+    /// An object that is squeezed at its centre stays; one whose centre has passed hangs out on the other
     /// side. Along the fingers the centre does not count: the palm may be in its way.
     pub fn contact_lead_s(&self, v_G: &Vector3<f64>, past_G: &Vector3<f64>) -> f64 {
         let rebound_distance_m = self.palm_rebound_distance_m * (1.0 / self.expected_restitution().max(SOFTEST) - 1.0);
@@ -165,10 +166,10 @@ impl Config {
     }
 }
 
-/// How objects bounce of which nothing is known.
+/// Coefficient of restitution of objects for which none is given.
 const TYPICAL_RESTITUTION: f64 = 0.5;
-/// What is said to bounce less than this is taken to bounce so much: touched still later it would be gone if
-/// it bounced after all.
+/// Least coefficient of restitution that is assumed: an object touched still later would be gone if it
+/// bounced after all.
 const SOFTEST: f64 = 0.3;
 
 /// A way of holding the object, fixed to the object.
@@ -182,14 +183,14 @@ pub struct Grasp {
     pub aperture_m: f64,
     /// "Strength": distance of the centre of mass from the gripper's y axis, in metres; less is better.
     pub strength_m: f64,
-    /// How much farther from the palm than the grasp centre the centre of mass is, in metres.
+    /// Distance by which the centre of mass is farther from the palm than the grasp centre, in metres.
     pub overhang_m: f64,
     /// Box in G that contains the object in the closed hand.
     pub held_G: Cuboid,
 }
 
 impl Grasp {
-    /// From the grasp centre to the object's centre of mass when the fingers close, in G.
+    /// Vector from the grasp centre to the object's centre of mass when the fingers close, in G.
     pub fn centre_past_G(&self, gripper: &Gripper) -> Vector3<f64> {
         self.X_OG.inverse().translation.vector - gripper.grasp_centre().coords
     }
@@ -200,9 +201,9 @@ impl Grasp {
 pub struct GraspSet {
     /// The grasps.
     pub grasps: Vec<Grasp>,
-    /// Why the other sampled candidates are none, and how many each time.
+    /// Number of the other sampled candidates for each reason of their failure.
     failures: BTreeMap<GraspFailure, usize>,
-    /// Few points of the object in O that outline it, for clearance checks on the approach.
+    /// Surface samples of the object in O, few points for clearance checks on the approach.
     pub surface_points: Vec<Point3<f64>>,
     /// Distance of the farthest of them from the centre of mass, in metres.
     pub radius_m: f64,
@@ -219,7 +220,7 @@ impl GraspSet {
         Self::sample_as(&Sampling::DEFAULT, reference, gripper, config)
     }
 
-    /// The same with a sampling of one's own.
+    /// Samples grasps with other parameters than the defaults.
     pub fn sample_as(sampling: &Sampling<'_>, reference: &ReferenceModel, gripper: &Gripper, config: &Config) -> Self {
         let mut rng = Pcg64::seed_from_u64(SEED);
         let (mut grasps, mut failures) = (Vec::new(), BTreeMap::new());
@@ -267,7 +268,7 @@ impl GraspSet {
         self.grasps.iter().map(|grasp| grasp.X_OG.translation.vector.norm()).fold(0.0, f64::max)
     }
 
-    /// Why sampled candidates are none, the most frequent reason first.
+    /// Reasons for which sampled candidates failed, the most frequent first.
     pub fn failures(&self) -> String {
         let mut reasons: Vec<_> = self.failures.iter().collect();
         reasons.sort_by_key(|(_, count)| std::cmp::Reverse(**count));

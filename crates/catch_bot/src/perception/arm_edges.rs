@@ -1,5 +1,5 @@
-//! Where the silhouette of the waiting arm crosses rows and columns of a camera's image, and how an image
-//! shows it.
+//! Edges of the waiting arm's silhouette along rows and columns of a camera's image, and their check against
+//! an image.
 
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::Vector4;
@@ -17,12 +17,12 @@ struct Edge {
     step: usize,
     /// Pixels on each side.
     reach: usize,
-    /// Whether the arm is on the far side, else on the near one.
+    /// True if the arm is on the far side, false if on the near one.
     begins: bool,
     /// Depth of the arm at the edge, and at its far end within the arm.
     depth_m: f32,
     inner_m: f32,
-    /// How it moves along its line when the image moves by a pixel to the right, and down.
+    /// Motion of the edge along its line when the image moves by a pixel to the right, and down.
     gradient: [f64; 2],
 }
 
@@ -36,13 +36,13 @@ pub(super) struct ArmEdges {
     tolerance_m: f32,
 }
 
-/// How an image shows the arm's silhouette.
+/// Agreement of an image with the arm's silhouette.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sight {
-    /// Of the pixels that should show the arm, the fraction with any depth.
+    /// Fraction of the pixels that should show the arm which have any depth.
     pub measured_fraction: f64,
-    /// Of the pixels on both sides, the fraction that shows the arm where it should and else not. `None` if
-    /// something stands before most.
+    /// Fraction of the pixels on both sides that show the arm where they should and else not. `None` if
+    /// another body stands before most of them.
     pub explained: Option<f64>,
     /// Number of edges, and sums over them: of the regressors' products, and of these with the pixels of the
     /// arm that are missing.
@@ -61,11 +61,11 @@ const MIN_EDGES: usize = 12;
 const MAX_EDGES: usize = 96;
 /// Edges more slanted than this to their line are left to the lines across.
 const STEEPEST: f64 = 1.3;
-/// How much the depth of the arm differs within the reach of an edge, in metres.
+/// Variation of the arm's depth within the pixels around an edge, in metres.
 const RELIEF_M: f64 = 0.05;
 
 impl ArmEdges {
-    /// Those that a camera sees of an arm that stands as `known`.
+    /// Finds the edges that a camera sees of an arm that stands as `known`.
     pub fn new(camera: &CameraModel, known: &Surroundings<'_>, config: &Config) -> Self {
         let window = camera.full_window();
         let (mut with_m, mut without_m) = (Vec::new(), Vec::new());
@@ -77,12 +77,12 @@ impl ArmEdges {
         edges = edges.into_iter().step_by(step).collect();
         let mean_depth_m = edges.iter().map(|it| f64::from(it.depth_m)).sum::<f64>() / edges.len().max(1) as f64;
         let tolerance_m = (RELIEF_M + threshold_m(mean_depth_m, config)) as f32;
-        // What is behind the arm must differ from it.
+        // The background must differ from the arm.
         edges.retain(|it| !image.is_near_ground(it, 2.0 * tolerance_m));
         Self { window, edges, mean_depth_m, tolerance_m }
     }
 
-    /// Whether there are enough to tell anything.
+    /// Returns whether there are enough edges to judge a camera by.
     pub fn are_enough(&self) -> bool {
         self.edges.len() >= MIN_EDGES
     }
@@ -97,7 +97,7 @@ impl ArmEdges {
         self.edges.iter().step_by(self.edges.len().div_ceil(count).max(1)).map(Edge::inner)
     }
 
-    /// How a full image shows them.
+    /// Compares a full image with the edges.
     pub fn look(&self, frame: &DepthFrame) -> Sight {
         let mut sight = Sight::default();
         let (mut inside, mut measured, mut pixels, mut right) = (0_usize, 0_usize, 0_usize, 0_usize);
@@ -153,7 +153,7 @@ impl Edge {
     }
 }
 
-/// What a camera sees of the arm, with and without it.
+/// Depths of a camera's image with and without the arm.
 struct ArmImage {
     window: PixelWindow,
     with_m: Vec<f32>,
@@ -165,7 +165,7 @@ impl ArmImage {
         self.with_m[pixel] < self.without_m[pixel]
     }
 
-    /// Whether something else than nothing is behind the arm so near that depths do not tell it from the arm.
+    /// Returns whether a surface behind the arm is so near that depths do not distinguish it from the arm.
     fn is_near_ground(&self, edge: &Edge, apart_m: f32) -> bool {
         edge.outer().any(|pixel| self.with_m[pixel] < edge.depth_m + apart_m)
     }
@@ -210,7 +210,7 @@ impl ArmImage {
         edges
     }
 
-    /// Whether the arm begins after a pixel of a line, or ends; `None` if neither.
+    /// Returns whether the arm begins after a pixel of a line (`true`) or ends there; `None` if neither.
     fn crosses(&self, from: usize, step: usize, last: usize) -> Option<bool> {
         let [before, after] = [last, last + 1].map(|at| self.shows_arm(from + at * step));
         (before != after).then_some(after)

@@ -1,11 +1,11 @@
-//! Where the cameras look, corrected by what they see of the arm.
+//! Orientations of the cameras, corrected by the arm that they see.
 //!
-//! A camera that is turned by 0.05° sees everything at 7 m in a place 6 mm off, and what twenty of them agree
-//! on is still off by 2 mm along each axis: nothing in the flight of an object tells. But all of them see the
-//! arm, and the encoders say where it is. While it stands still, the silhouette that it has in an image is
-//! held against the one that it should have; the shift between both is how far the camera is turned. How far
-//! it is displaced cannot be told from that, and need not be: near the arm, where objects are caught, a small
-//! displacement looks like a turn.
+//! A camera that is rotated by 0.05° sees an object at 7 m displaced by 6 mm, and the average of twenty of
+//! them is still off by 2 mm along each axis: nothing in the flight of an object shows it. But all of them
+//! see the arm, whose position the encoders measure. While it stands still, its silhouette in an image is
+//! compared with the expected one; the shift between both gives the rotation of the camera. The displacement
+//! of the camera does not follow from the shift, and is not needed: near the arm, where objects are caught, a
+//! small displacement looks like a rotation.
 
 use catch_body::kinematics::LinkPoses;
 use catch_cell::{CameraModel, DepthFrame};
@@ -20,32 +20,32 @@ use super::{
 /// The arm's silhouette, where it is met on the way along a row or a column of pixels.
 #[derive(Debug, Clone, Copy)]
 struct Crossing {
-    /// Whether on the way along a row, else along a column.
+    /// True if the crossing is met along a row, false if along a column.
     along_row: bool,
     /// Number of that row or column.
     line: usize,
     /// The last pixel before the silhouette.
     last: usize,
-    /// Whether the arm begins there, or else ends.
+    /// True if the arm begins there, false if it ends.
     begins: bool,
-    /// Where the silhouette should be, in image coordinates along the line.
+    /// Expected position of the silhouette, in image coordinates along the line.
     at_px: f64,
-    /// By how much that changes from line to line.
+    /// Change of that position from line to line.
     slope: f64,
-    /// Which of the pixels within [`REACH_PX`] of it showed anything in any image, the first in the lowest
-    /// bit.
+    /// Pixels within [`REACH_PX`] of the crossing that showed anything in any image, one bit each, the first
+    /// in the lowest bit.
     shown: u8,
 }
 
-/// What is known of the cameras' orientations.
+/// Estimate of the cameras' orientations.
 #[derive(Debug, Clone)]
 pub struct CameraAlignment {
     cameras: Vec<CameraModel>,
-    /// For each camera, the silhouette of the arm.
+    /// Silhouette of the arm in each camera.
     outlines: Vec<Vec<Crossing>>,
-    /// Where the arm stood for that, and how far open its gripper was.
+    /// Link poses and gripper aperture of the arm whose silhouettes these are.
     stood: Option<(LinkPoses, f64)>,
-    /// For each camera, the images of it that were looked at.
+    /// Number of each camera's images that were evaluated.
     images: Vec<usize>,
 }
 
@@ -70,7 +70,7 @@ impl CameraAlignment {
         Self { cameras: told.to_vec(), outlines: Vec::new(), stood: None, images: vec![0; told.len()] }
     }
 
-    /// The same for an arm that will be waiting where `surroundings` say, which makes the first image cost no
+    /// Begins with an arm that will be waiting where `surroundings` say, which makes the first image cost no
     /// more than the others.
     pub fn before_flight(told: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
         let mut alignment = Self::new(told);
@@ -93,7 +93,7 @@ impl CameraAlignment {
         }
     }
 
-    /// Whether the silhouettes are those of an arm that stands like this.
+    /// Returns whether the silhouettes are those of an arm that stands like this.
     fn is_of(&self, known: &Surroundings<'_>) -> bool {
         self.stood.as_ref().is_some_and(|(X_WL, width_m)| {
             is_within(STILL, X_WL, &known.X_WL) && (*width_m - known.width_m).abs() < STILL
@@ -155,7 +155,7 @@ impl CameraAlignment {
     }
 }
 
-/// Whether cameras can be aligned and need to be.
+/// Returns whether cameras can be aligned and need to be.
 fn is_wanted(config: &Config) -> bool {
     config.camera_sd_rad > 0.0 && !config.sees_floor()
 }
@@ -210,8 +210,8 @@ fn add_slopes(crossings: &mut [Crossing]) {
     }
 }
 
-/// By how much the silhouette is shifted in the images: least squares, with how far cameras are off as a
-/// prior.
+/// Shift of the silhouette in the images, in pixels: least squares, with the standard deviation of the
+/// cameras' orientations as a prior.
 fn shift_px(silhouette: &[Crossing], camera: &CameraModel, camera_sd_rad: f64) -> Vector2<f64> {
     let prior = Matrix2::identity() * (camera_sd_rad * camera.focal_px).powi(-2);
     let seen = |it: &Crossing| Some((it.found_px()? - it.at_px, it.gradient()));
@@ -232,7 +232,7 @@ fn shift_px(silhouette: &[Crossing], camera: &CameraModel, camera_sd_rad: f64) -
 }
 
 impl Crossing {
-    /// How it moves along its line when the image moves by a pixel to the right, and down.
+    /// Motion of the crossing along its line when the image moves by a pixel to the right, and down.
     fn gradient(&self) -> Vector2<f64> {
         if self.along_row { Vector2::new(1.0, -self.slope) } else { Vector2::new(-self.slope, 1.0) }
     }
@@ -246,8 +246,8 @@ impl Crossing {
         }
     }
 
-    /// Where it is in the images: between the pixels that show nothing and those that show something, some of
-    /// which may be missing. `None` if it is not clear.
+    /// Position of the crossing in the images, in pixels: between the pixels that show nothing and those that
+    /// show something, some of which may be missing. `None` if it is not clear.
     fn found_px(&self) -> Option<f64> {
         let first = self.last + 1 - REACH_PX;
         // Pixels of the arm may be missing, but where there is nothing nothing is seen.

@@ -1,9 +1,9 @@
-//! What is wrong with a camera, told from its full images while the arm waits where it is known to be.
+//! Faults of a camera, found from its full images while the arm waits in a known pose.
 //!
-//! Along the silhouette of the arm pixels show the arm on one side and not on the other. Where a camera has
-//! no depths it is blinded; where its depths repeat bit for bit, although they are noisy, it is frozen; where
-//! its silhouette is elsewhere, it is displaced, or another camera's images come in its place. Cameras that
-//! do not see the arm are not judged by it. What they see of flights tells of a displacement, too.
+//! Along the silhouette of the arm pixels show the arm on one side and not on the other. A camera without
+//! depths is blinded; one whose depths repeat bit for bit, although they are noisy, is frozen; one that shows
+//! the silhouette elsewhere is displaced, or another camera's images come in its place. Cameras that do not
+//! see the arm are not judged by it. The cameras' images of flights show a displacement, too.
 
 use std::fmt::{self, Display};
 
@@ -20,22 +20,22 @@ use super::{
     silhouette_shift::{DISPLACED_M, SIGNIFICANT, Shift, ShiftHistory},
 };
 
-/// How well a camera works.
+/// Status of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CameraStatus {
-    /// Nothing is known against it.
+    /// No fault of the camera is known.
     #[default]
     Good,
-    /// Its images have no depths, or the same one everywhere.
+    /// The camera's images have no depths, or the same one everywhere.
     Blinded,
-    /// It gives the same image again and again.
+    /// The camera gives the same image again and again.
     Frozen,
-    /// It gives no images while others do.
+    /// The camera gives no images while others do.
     Silent,
-    /// It does not stand or look as it is said to, or not as it did before.
+    /// The camera does not stand or look as configured, or not as it did before.
     Displaced,
-    /// Its images are those of another camera.
+    /// The camera's images are those of another camera.
     Swapped,
 }
 
@@ -59,13 +59,13 @@ pub struct CameraHealth {
     waiting: Option<(LinkPoses, f64)>,
     edges: Vec<ArmEdges>,
     records: Vec<Record>,
-    /// By how much each is off in flights.
+    /// Offset of each camera as estimated from flights.
     offsets: Vec<CameraOffset>,
     statuses: Vec<CameraStatus>,
     left_out: Vec<bool>,
 }
 
-/// What is remembered of a camera.
+/// Memory of one camera.
 #[derive(Debug, Clone)]
 struct Record {
     /// Capture time of its newest image.
@@ -77,10 +77,10 @@ struct Record {
     frozen: Verdict,
     blinded: Verdict,
     swapped: Verdict,
-    /// Whether too little of the silhouette is where it should be.
+    /// Set if too little of the silhouette is where it should be.
     misplaced: Verdict,
     shift: ShiftHistory,
-    /// Whether flights have shown that it is off.
+    /// True if flights have shown an offset of the camera.
     is_off: bool,
 }
 
@@ -95,30 +95,30 @@ struct Verdict {
 const SAMPLES: usize = 64;
 /// Depths that are looked at all over an image.
 const SPREAD: usize = 1024;
-/// As many of those that are remembered must be depths if they are to tell anything.
+/// Least number of the remembered pixels that must have depths for a judgement.
 const MIN_SAMPLES: usize = 12;
 /// Images in a row that make a verdict; so many more unmake it.
 const MAKES: u8 = 2;
 const UNMAKES: u8 = 4;
 /// An arm whose links are nearer to where they wait than this waits, in metres and radians.
 const WAITING: f64 = 2e-3;
-/// Of the pixels that should show the arm a blinded camera measures fewer than this fraction.
+/// Largest fraction of the pixels showing the arm that a blinded camera measures.
 const BLINDED_FRACTION: f64 = 0.05;
-/// One that sees the same depth everywhere measures more than this fraction.
+/// Least fraction of those pixels measured by a camera that sees the same depth everywhere.
 const COVERED_FRACTION: f64 = 0.9;
-/// Of the pixels along the silhouette more than this fraction show what they should, but for a camera that is
-/// misplaced.
+/// Least fraction of the pixels along the silhouette that are right, but for a camera that is misplaced.
 const EXPLAINED: f64 = 0.7;
 /// An image of which less is explained may be another camera's.
 const UNCLEAR: f64 = 0.85;
-/// So much better another camera's silhouette explains an image if that is its camera.
+/// Least gain in the explained fraction by which another camera's silhouette must be better for the image to
+/// be that camera's.
 const BETTER: f64 = 0.08;
 /// A camera is silent when it has not given an image for so long, in seconds, and in so many sets of images.
 const SILENT_S: f64 = 0.25;
 const SILENT_SETS: usize = 10;
 
 impl CameraHealth {
-    /// For an arm that will be waiting where `surroundings` say.
+    /// Prepares the check for an arm that will be waiting where `surroundings` say.
     pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
         let record = Record {
             newest_s: None,
@@ -146,7 +146,7 @@ impl CameraHealth {
         &self.statuses
     }
 
-    /// Whether each camera is left out of perception.
+    /// Cameras that are left out of perception: true for each of these.
     pub fn left_out(&self) -> &[bool] {
         &self.left_out
     }
@@ -189,7 +189,7 @@ impl CameraHealth {
         self.conclude();
     }
 
-    /// Which cameras give images, while any gives full ones.
+    /// Notes which cameras give images, while any gives full ones.
     fn note_arrivals(&mut self, frames: &[DepthFrame], any_is_full: bool) {
         let Some(now_s) = frames.first().map(|frame| frame.capture_s) else { return };
         for record in &mut self.records {
@@ -207,7 +207,7 @@ impl CameraHealth {
         }
     }
 
-    /// Whether depths repeat that are noisy.
+    /// Judges whether the camera is frozen: its depths are noisy and still repeat.
     fn judge_repetition(&mut self, frame: &DepthFrame, config: &Config) {
         let (edges, record) = (&self.edges[frame.camera], &mut self.records[frame.camera]);
         let (mut measured, mut repeated) = (0, true);
@@ -222,7 +222,7 @@ impl CameraHealth {
         }
     }
 
-    /// Whether the arm is seen, and where.
+    /// Judges whether the arm is seen, and where.
     fn judge_sight(&mut self, frame: &DepthFrame, camera: &CameraModel, config: &Config) {
         let edges = &self.edges[frame.camera];
         if !edges.are_enough() {
@@ -247,7 +247,7 @@ impl CameraHealth {
         }
     }
 
-    /// Whether an image shows the arm as another camera would.
+    /// Returns whether an image shows the arm as another camera would.
     fn is_of_another(&self, frame: &DepthFrame, own: &Sight) -> bool {
         let least = own.explained.unwrap_or(0.0).max(EXPLAINED) + BETTER;
         self.edges.iter().enumerate().any(|(i, edges)| {
@@ -301,12 +301,12 @@ fn spread(frame: &DepthFrame) -> impl Iterator<Item = f32> {
     frame.depth_m[..count].iter().step_by(step).copied()
 }
 
-/// Whether hardly any pixel has a depth.
+/// Returns whether hardly any pixel has a depth.
 fn is_empty(frame: &DepthFrame) -> bool {
     spread(frame).filter(|depth_m| depth_m.is_finite() && *depth_m > 0.0).count() <= 2
 }
 
-/// Whether nearly all pixels have the same depth.
+/// Returns whether nearly all pixels have the same depth.
 fn is_uniform(frame: &DepthFrame) -> bool {
     let Some(first) = spread(frame).find(|depth_m| depth_m.is_finite() && *depth_m > 0.0) else { return false };
     let (mut count, mut alike) = (0, 0);

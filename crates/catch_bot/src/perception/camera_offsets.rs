@@ -1,15 +1,15 @@
-//! How far each camera is off, from flights that all of them see.
+//! Offset of each camera, from flights that all of them see.
 //!
-//! Poses that rest on one image each are compared with the predicted flight. Say that camera i alone is off,
-//! by t: its positions differ from the flight that the others see by t on average. That flight differs from
-//! the predicted one by a displacement and a velocity, which the positions of the others tell. Sums over each
-//! camera's positions are all that is needed, and throws add up.
+//! Poses that rest on one image each are compared with the predicted flight. Let camera i alone be off, by t:
+//! its positions differ by t on average from the flight that the others see. That flight differs from the
+//! predicted one by a displacement and a velocity, which follow from the positions of the others. Sums over
+//! each camera's positions are all that is needed, and throws add up.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::{ObjectPose, silhouette_shift::SIGNIFICANT};
 
-/// What throws tell of how far a camera is off: information, and its product with the offset.
+/// Estimate of a camera's offset from throws: information, and its product with the offset.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct CameraOffset {
     information: Matrix3<f64>,
@@ -25,13 +25,13 @@ type Sums = (SMatrix<f64, 7, 7>, f64);
 /// far from it.
 type Sighting<'a> = (usize, &'a ObjectPose, f64, Vector3<f64>);
 
-/// What the registration of a single image is off by at least, in metres.
+/// Least standard deviation of a registration of a single image, in metres.
 const IMAGE_SD_M: f64 = 0.001;
 /// Images of a camera that tell something.
 const MIN_IMAGES: f64 = 4.0;
 /// Cameras of which one can be told from the others.
 pub const MIN_CAMERAS: usize = 3;
-/// What is known from earlier throws counts for this fraction after each.
+/// Fraction by which the estimate from earlier throws counts after each new one.
 const REMEMBERED: f64 = 0.8;
 
 /// Inverse covariance of the position of a pose, less what is not known of its orientation and of directions
@@ -43,7 +43,7 @@ fn of_position(pose: &ObjectPose) -> Option<Matrix3<f64>> {
     (shifts.try_inverse()? + Matrix3::from_diagonal_element(IMAGE_SD_M.powi(2))).try_inverse()
 }
 
-/// How far a camera is off from the others, and the variance of these positions over what they say.
+/// Offset of a camera from the others, and the ratio of the variance of these positions to the given one.
 fn offset((own, _): &Sums, (others, count): &Sums) -> Option<(CameraOffset, f64)> {
     let factor = others.fixed_view::<6, 6>(0, 0).into_owned().cholesky()?;
     let pull = others.fixed_view::<6, 1>(0, 6);
@@ -67,7 +67,7 @@ pub fn displaced(offsets: &mut [CameraOffset], bound_m: f64) -> Option<usize> {
 }
 
 impl CameraOffset {
-    /// What one throw tells of each of the cameras.
+    /// Estimates of all cameras' offsets from one throw.
     pub fn of_throw<'a>(images: impl Iterator<Item = Sighting<'a>>, cameras: usize) -> Vec<Self> {
         let mut sums: Vec<Sums> = vec![Default::default(); cameras];
         for (camera, pose, age_s, shift_m) in images {
@@ -94,7 +94,7 @@ impl CameraOffset {
         self.pull = self.pull * REMEMBERED + other.pull;
     }
 
-    /// How much less the squares of all residuals are if this camera is off, and how far it is.
+    /// Reduction of the sum of squared residuals if this camera is off, and the offset.
     fn estimate(&self) -> (f64, Vector3<f64>) {
         let offset = self.information.try_inverse().unwrap_or_default() * self.pull;
         (self.pull.dot(&offset), offset)
@@ -146,7 +146,7 @@ mod tests {
         CameraOffset::of_throw(images.iter().map(|it| (it.0, &it.1, it.2, it.3)), CAMERAS)
     }
 
-    /// What is known after some throws.
+    /// Estimates after some throws.
     fn after(off_m: &[Vector3<f64>; CAMERAS], throws: usize, normal: &mut Normal) -> [CameraOffset; CAMERAS] {
         let mut sums = [CameraOffset::default(); CAMERAS];
         for _ in 0..throws {
@@ -155,7 +155,7 @@ mod tests {
         sums
     }
 
-    /// In any direction, however the prediction is off.
+    /// The camera with an offset is named in any direction, however the prediction is off.
     #[test]
     fn a_camera_that_is_off_by_two_centimetres_is_named() {
         for seed in 0..100 {
@@ -169,7 +169,8 @@ mod tests {
         }
     }
 
-    /// Not by what was seen before it was left out either, because the arm or flights had named it.
+    /// The camera with an offset names no other one, nor do its images from before it was left out because
+    /// the arm or flights had named it.
     #[test]
     fn a_camera_that_is_off_names_no_other_one() {
         for seed in 0..100 {
@@ -198,7 +199,7 @@ mod tests {
         }
     }
 
-    /// Which of two cameras is off cannot be told.
+    /// With two cameras, the one that is off cannot be identified.
     #[test]
     fn two_cameras_tell_nothing() {
         let mut normal = Normal::new(1);

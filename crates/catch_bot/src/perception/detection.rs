@@ -1,5 +1,5 @@
-//! Where the object is when nobody knows: blobs of pixels in front of what is known to be there, in several
-//! cameras that agree on one place.
+//! Position of an object that is not tracked yet: blobs of pixels in front of the known background, in
+//! several cameras that agree on one point.
 
 use catch_body::kinematics::LinkPoses;
 use catch_cell::{CameraModel, DepthFrame};
@@ -19,20 +19,20 @@ pub(super) struct Detector {
     blobs: Vec<Blob>,
     /// Pixels of an image that could be the object.
     candidates: Vec<u32>,
-    /// Whether a pixel is a candidate that no blob has taken yet; nobody's between two images.
+    /// True for a pixel that is a candidate and that no blob has taken yet; all false between two images.
     is_free: Vec<bool>,
     stack: Vec<u32>,
 }
 
-/// What is known before anything flies: for each camera the depths before which the pixels of its whole image
-/// show something else than what is known to be there.
+/// Background before anything flies: for each camera and pixel of its whole image the depth in front of which
+/// the pixel shows something else.
 #[derive(Debug)]
 struct Waiting {
     /// The arm that waits, and the opening of its gripper.
     X_WL: LinkPoses,
     width_m: f64,
     with_arm_m: Vec<Vec<f32>>,
-    /// Without the arm; empty where nothing else is known either.
+    /// Depths without the arm; empty where no other background is known.
     without_arm_m: Vec<Vec<f32>>,
 }
 
@@ -47,7 +47,7 @@ struct Blob {
     /// Mean distance along it, and its standard deviation.
     along_m: f64,
     along_sd_m: f64,
-    /// Whether it is about as large as the object at least.
+    /// True if the blob is at least about as large as the object.
     is_whole: bool,
 }
 
@@ -66,7 +66,7 @@ const WAITING: f64 = 5e-3;
 /// Pixels that are looked at together.
 const RUN: usize = 32;
 
-/// Whether no link is farther from where it was than this, in metres and radians.
+/// Returns whether each link is within this distance of its former pose, in metres and radians.
 pub(super) fn is_within(limit: f64, X_WA: &LinkPoses, X_WB: &LinkPoses) -> bool {
     X_WA.iter().zip(X_WB).all(|(A, B)| {
         (A.translation.vector - B.translation.vector).norm() < limit && A.rotation.angle_to(&B.rotation) < limit
@@ -74,7 +74,7 @@ pub(super) fn is_within(limit: f64, X_WA: &LinkPoses, X_WB: &LinkPoses) -> bool 
 }
 
 impl Detector {
-    /// For an arm that will be waiting where `surroundings` say.
+    /// Prepares the background with an arm that will be waiting where `surroundings` say.
     pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
         let limits_m = |known: Option<&Surroundings<'_>>| -> Vec<Vec<f32>> {
             let of_camera = |camera: &CameraModel| {
@@ -116,7 +116,7 @@ impl Detector {
         let blobs = &mut self.blobs;
         blobs.sort_by(|a, b| b.pixels.cmp(&a.pixels).then(a.camera.cmp(&b.camera)));
         blobs.truncate(MAX_BLOBS);
-        // Those of one camera one after the other, so that each camera counts once.
+        // Blobs of one camera one after the other, so that each camera counts once.
         blobs.sort_by_key(|it| it.camera);
 
         // Each pair of rays that meet is tried; with one blob alone its own place.
@@ -174,7 +174,7 @@ impl Detector {
                     let column = run * RUN + i;
                     let uv = Point2::new((left + column) as f64 + 0.5, (top + row) as f64 + 0.5);
                     let is_before = |known_m: f64| f64::from(*both.0) < self::nearer_than_m(known_m, config);
-                    // What is beside costs more rays.
+                    // The surroundings of the pixel cost more rays.
                     if is_before(background.depth_m(&uv)) && is_before(background.nearest_m(&uv)) {
                         self.candidates.push((row * columns + column) as u32);
                     }
@@ -275,13 +275,13 @@ fn nearest_around(depths_m: &[f32], wide: usize, aside_px: usize) -> Vec<f32> {
     all
 }
 
-/// Before this depth a pixel shows something else than what is known to be there at `depth_m`.
+/// Depth before which a pixel shows an object in front of the background at `depth_m`, in metres.
 fn nearer_than_m(depth_m: f64, config: &Config) -> f64 {
     if depth_m.is_finite() { depth_m - threshold_m(depth_m, config) } else { f64::INFINITY }
 }
 
 impl Blob {
-    /// Whether its ray passes a place, and its depth does not contradict.
+    /// Returns whether the blob's ray passes a point, and its depth does not contradict.
     fn passes(&self, place: &Point3<f64>, reach_m: f64) -> bool {
         let from_camera = place - self.p_WC;
         let along_m = from_camera.dot(&self.direction_W);
@@ -290,8 +290,8 @@ impl Blob {
     }
 }
 
-/// Whether what one camera alone shows at a place is the object: it is large enough, and no other camera sees
-/// the place.
+/// Returns whether a blob of one camera alone is the object: it is large enough, and no other camera sees
+/// that point.
 fn is_enough_alone(blobs: &[Blob], place: &Point3<f64>, reach_m: f64, view: &View<'_>, config: &Config) -> bool {
     let Some(blob) = blobs.iter().filter(|blob| blob.is_whole).find(|blob| blob.passes(place, reach_m)) else {
         return false;
@@ -314,7 +314,8 @@ fn is_enough_alone(blobs: &[Blob], place: &Point3<f64>, reach_m: f64, view: &Vie
     !view.seen().filter(|(_, frame)| frame.mask.is_none() && frame.camera != blob.camera).any(sees_place)
 }
 
-/// Where two rays come closest, if that is within reach and both see it there.
+/// Point at which two rays come closest, if their distance there is below `reach_m` and both depths agree
+/// with it.
 fn meeting(one: &Blob, two: &Blob, reach_m: f64) -> Option<Point3<f64>> {
     let apart = two.p_WC - one.p_WC;
     let cosine = one.direction_W.dot(&two.direction_W);

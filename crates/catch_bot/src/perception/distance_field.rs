@@ -37,7 +37,7 @@ const LEAST_CLEARANCE_M: f64 = 1e-3;
 const SAME_SIDE: f64 = 1.5;
 /// Places of a region that are asked about at most.
 const MOST_LOOKED_AT: usize = 2000;
-/// How far what is known of a place tells of its neighbours.
+/// Distance over which the state of a node is passed on to its neighbours, in metres.
 const SPREAD_M: f64 = 0.01;
 /// Within this distance of the cloud the surface is averaged over neighbours, beyond it the nearest point
 /// suffices.
@@ -58,8 +58,8 @@ impl DistanceField {
         self.fine.at(point).or_else(|| self.coarse.at(point)).unwrap_or_else(|| self.coarse.beyond(point))
     }
 
-    /// The same distance by the coarse nodes alone, which are few enough to be at hand: to tell places apart
-    /// that are far from each other.
+    /// Distance by the coarse nodes alone, which are few enough to stay in the cache: for coarse decisions
+    /// about points that are far from each other.
     pub(super) fn about_m(&self, point: &Point3<f64>) -> f64 {
         self.coarse.at(point).unwrap_or_else(|| self.coarse.beyond(point)).0
     }
@@ -81,7 +81,7 @@ impl DistanceField {
         self.coarse.lowest += offset;
     }
 
-    /// How deep the deepest node inside lies below the surface, in metres.
+    /// Depth of the deepest node below the surface, in metres.
     pub(super) fn deepest_m(&self) -> f64 {
         self.fine.values.iter().map(|node| -f64::from(node[0])).fold(0.0, f64::max)
     }
@@ -97,7 +97,7 @@ impl DistanceField {
     }
 }
 
-/// Whether a value is that of a node inside, as far as the nearest points can tell.
+/// Returns whether a value is that of a node inside, as far as the nearest points show it.
 fn is_inside(value: f32) -> bool {
     f64::from(value) < -LEAST_CLEARANCE_M
 }
@@ -107,7 +107,7 @@ fn is_inside(value: f32) -> bool {
 struct Grid {
     lowest: Point3<f64>,
     spacing_m: f64,
-    /// Its inverse.
+    /// Inverse of the spacing, in 1/m.
     per_m: f64,
     nodes: [usize; 3],
     /// Value and its change from node to node along each axis, in metres: all four are wanted together, and
@@ -151,7 +151,7 @@ impl Grid {
         self.values = with_changes.collect();
     }
 
-    /// As [`DistanceField::clear`].
+    /// Marks free nodes of this grid as outside, as [`DistanceField::clear`] does.
     fn clear(&mut self, is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>) {
         let mut values: Vec<f32> = self.values.iter().map(|node| node[0]).collect();
         let mut is_seen = vec![false; values.len()];
@@ -172,7 +172,7 @@ impl Grid {
                     }
                 });
             }
-            // What is known spreads from node to node, but not along a wall too thin to tell.
+            // Known states spread from node to node, but not along a wall that is too thin.
             let looked_at = region.iter().step_by(region.len().div_ceil(MOST_LOOKED_AT));
             let mut known: Vec<(usize, f64)> = Vec::new();
             for &node in looked_at {
@@ -214,9 +214,9 @@ impl Grid {
         }
     }
 
-    /// For each node the index of the nearest point, found by passing candidates on from node to node (a
-    /// vector distance transform: Danielsson, Euclidean Distance Mapping, 1980); off by a fraction of the
-    /// points' spacing at most.
+    /// Index of the nearest point for each node, found by passing candidates on from node to node (a vector
+    /// distance transform: Danielsson, Euclidean Distance Mapping, 1980); off by a fraction of the points'
+    /// spacing at most.
     fn nearest_points(&self, points: &[Point3<f64>]) -> Vec<u32> {
         let [nx, ny, nz] = self.nodes;
         let mut nearest = vec![u32::MAX; nx * ny * nz];
@@ -307,7 +307,7 @@ impl Grid {
     }
 }
 
-/// What lies between two nodes that are neighbours along the axis whose change is number `AXIS`.
+/// Interpolates between two nodes that are neighbours along the axis whose change is number `AXIS`.
 #[inline(always)]
 fn blend<const AXIS: usize>(a: &[f32; 4], b: &[f32; 4], t: f32) -> [f32; 4] {
     let mut between =
@@ -319,8 +319,8 @@ fn blend<const AXIS: usize>(a: &[f32; 4], b: &[f32; 4], t: f32) -> [f32; 4] {
 /// Cosine of the angle by which normals within one neighbourhood differ at most where the surface is smooth:
 /// 50°.
 const SMOOTH_COSINE: f64 = 0.64;
-/// Of two points on one smooth surface the way from one to the other is across their normals, but for this
-/// sine.
+/// Largest sine of the angle by which the line between two points on one smooth surface leaves the plane
+/// across their normals.
 const SMOOTH_SINE: f64 = 0.35;
 
 impl OrientedPoints<'_> {
@@ -335,7 +335,7 @@ impl OrientedPoints<'_> {
         let far = apart.norm();
         let one = if far < BAND_M { self.side(near, at, nearest) } else { None };
         let Some((one_m, n_1)) = one else {
-            // Which side it is on, all around decide together.
+            // All points around decide together on which side it is.
             let mut side = apart.dot(&normal) * 1e-6;
             near.near(&point, self.reach_m(), |i| {
                 let fraction = 1.0 - (self.points[i] - point).norm_squared() / self.reach_m().powi(2);
@@ -378,7 +378,7 @@ impl OrientedPoints<'_> {
         1.5 * self.smoothing_m
     }
 
-    /// Whether two points lie on one smooth surface.
+    /// Returns whether two points lie on one smooth surface.
     pub fn is_smooth(&self, i: usize, j: usize) -> bool {
         let (n_i, n_j) = (self.normals[i], self.normals[j]);
         let way = self.points[j] - self.points[i];

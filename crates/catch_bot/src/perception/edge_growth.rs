@@ -1,4 +1,4 @@
-//! How far stereo lets objects grow beyond their silhouettes.
+//! Growth of objects beyond their silhouettes in the images of stereo cameras.
 //!
 //! Stereo matches windows. Beside a depth edge some pixels show the nearer surface, others a depth between
 //! both, so that the edge of the object's pixels is blurred, and lies somewhere beside the silhouette: alike
@@ -6,9 +6,9 @@
 
 /// Standard deviation of a single pixel's place at an edge, by the edge's width.
 const BLUR_FRACTION: f64 = 0.35;
-/// By how much objects are expected to grow, by the same.
+/// Expected growth of objects, by the edge's width.
 const EXPECTED_FRACTION: f64 = 0.25;
-/// And the standard deviation of that.
+/// Standard deviation of the growth, by the edge's width.
 const GROWTH_SD_FRACTION: f64 = 0.5;
 
 /// The growth of an object in one image, as it is estimated along with the pose.
@@ -22,13 +22,14 @@ pub(super) struct EdgeGrowth {
 }
 
 impl EdgeGrowth {
-    /// As it is expected where edges are so wide.
+    /// Growth that is expected for edges of this width.
     pub fn new(edge_px: u32) -> Self {
         let edge_px = f64::from(edge_px);
         Self { edge_px, place_sd_px: BLUR_FRACTION * edge_px, px: EXPECTED_FRACTION * edge_px }
     }
 
-    /// As it was before any image, where pixels at sharp edges have this standard deviation.
+    /// Resets the growth to the state before any image, where pixels at sharp edges have this standard
+    /// deviation.
     pub fn reset(&mut self, sharp_sd_px: f64) {
         self.place_sd_px = libm::hypot(sharp_sd_px, BLUR_FRACTION * self.edge_px);
         self.px = EXPECTED_FRACTION * self.edge_px;
@@ -39,7 +40,7 @@ impl EdgeGrowth {
         GROWTH_SD_FRACTION * self.edge_px
     }
 
-    /// By how many of these it is more than expected.
+    /// Excess of the growth over the expected one, in standard deviations.
     pub fn beyond_expected(&self) -> f64 {
         self.px / self.sd_px() - EXPECTED_FRACTION / GROWTH_SD_FRACTION
     }

@@ -68,13 +68,14 @@ pub struct SdfEstimator {
 }
 
 impl SdfEstimator {
-    /// For a known object. The workspace holds the buffers, best those of [`Workspace::before_flight`].
+    /// Creates the estimator for a known object. The workspace holds the buffers, best those of
+    /// [`Workspace::before_flight`].
     pub fn new(config: Config, reference: Arc<ReferenceModel>, workspace: Workspace) -> Self {
         let half_turns = HalfTurns::new(&reference.symmetry);
         Self { finder: ObjectFinder::new(config, reference, workspace), half_turns, turned_over: None }
     }
 
-    /// What was found in the last images.
+    /// Scene points of the last images.
     pub fn scene(&self) -> &SceneCloud {
         &self.finder.workspace.scene
     }
@@ -122,7 +123,8 @@ impl PoseEstimator for SdfEstimator {
     }
 }
 
-/// Where depths are configured to be noisy silhouettes are needed; else a registration without them tells.
+/// Registers near a predicted pose. Silhouettes are used where depths are configured to be noisy; else the
+/// residual of a registration without them decides.
 fn register_near(
     registration: &Registration<'_>,
     view: &View<'_>,
@@ -140,11 +142,11 @@ fn register_near(
     if scene.silhouette.is_empty() { fit } else { registration.register(scene, X_WO, true) }
 }
 
-/// Where a tracked pose explains the silhouette worse than this, the mean square of its rays' residuals in
-/// standard deviations, the object is registered from all around. Right poses have 0.5 to 2, wrong ones 3 to
-/// 7.
+/// Largest mean square of the silhouette rays' residuals of a tracked pose, in standard deviations: beyond it
+/// the object is registered from all around. Right poses have 0.5 to 2, wrong ones 3 to 7.
 const MAX_MISMATCH: f64 = 3.0;
-/// How far from the predicted position the object's pixels are looked for, in metres, beside its own size.
+/// Distance from the predicted position within which the object's pixels are searched, in metres, beside its
+/// own size.
 pub const GATE_M: f64 = 0.05;
 
 /// A pose explains images much better than another if its mismatch is less than this fraction.
@@ -155,7 +157,8 @@ const MUCH_BETTER: f64 = 0.6;
 #[derive(Debug, Clone)]
 pub struct ObjectFinder {
     config: Config,
-    /// How far from where the object is expected its pixels are looked for, in metres, beside its own size.
+    /// Distance from the expected position within which the object's pixels are searched, in metres, beside
+    /// its own size.
     gate_m: f64,
     reference: Arc<ReferenceModel>,
     workspace: Workspace,
@@ -165,12 +168,14 @@ pub struct ObjectFinder {
 type Register<'a> = dyn FnMut(&Registration<'_>, &mut SceneCloud, &Pose) -> Result<Fit, PerceptionStatus> + 'a;
 
 impl ObjectFinder {
-    /// For a known object. The workspace holds the buffers, best those of [`Workspace::before_flight`].
+    /// Creates the finder for a known object. The workspace holds the buffers, best those of
+    /// [`Workspace::before_flight`].
     pub fn new(config: Config, reference: Arc<ReferenceModel>, workspace: Workspace) -> Self {
         Self { config, gate_m: GATE_M, reference, workspace }
     }
 
-    /// The same that looks for the object's pixels as far from the predicted position as this.
+    /// Sets the distance from the predicted position within which the object's pixels are searched, in
+    /// metres.
     #[must_use]
     pub fn with_gate_m(self, gate_m: f64) -> Self {
         Self { gate_m, ..self }
@@ -251,7 +256,7 @@ impl ObjectFinder {
                 }
                 let R_WO = expected.map_or_else(UnitQuaternion::identity, |X_WO| X_WO.rotation);
                 let anywhere = registration.register_globally(scene, thinned, &R_WO);
-                // What was tracked stays unless another pose explains the images much better.
+                // The tracked pose stays unless another one explains the images much better.
                 match (tracked, anywhere) {
                     (Some(near), Ok(far)) if !far.explains_much_better(&near) => (near, false),
                     (Some(near), Err(_)) => (near, false),
@@ -268,7 +273,8 @@ impl Fit {
         self.silhouette_mismatch.is_some_and(|mismatch| mismatch > MAX_MISMATCH)
     }
 
-    /// By the silhouettes, without which nothing is found to be unexplained.
+    /// Returns whether this pose explains the silhouettes much better than the other, which always holds
+    /// against one without silhouettes.
     fn explains_much_better(&self, other: &Self) -> bool {
         let [ours, others] = [self, other].map(|it| it.silhouette_mismatch.unwrap_or(f64::INFINITY));
         ours <= MUCH_BETTER * others

@@ -57,8 +57,9 @@ impl Registration<'_> {
         self.register(scene, &best.ok_or(PerceptionStatus::NotConverged)?.X_WO, with_silhouette)
     }
 
-    /// Where registrations end that start in each of the 24 rotations of the cube, with the middle of the
-    /// scene in the middle of the reference or at each of `anchors` of its surface: what the scene could be.
+    /// Candidate poses of the scene: the results of registrations that start in each of the 24 rotations of
+    /// the cube, with the middle of the scene in the middle of the reference or at each of `anchors` of its
+    /// surface.
     pub fn hypotheses<'a>(
         &'a self,
         scene: &'a mut SceneCloud,

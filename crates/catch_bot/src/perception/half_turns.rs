@@ -1,8 +1,8 @@
-//! Which end is which: orientations that are half a turn apart.
+//! Distinction between orientations that are half a turn apart.
 //!
-//! Half a turn about a principal axis leaves an object's extents as they are, and what tells both
-//! orientations apart may be smaller than a pixel where the object is first seen. All images together tell
-//! them apart: each adds how much better one of them explains it.
+//! Half a turn about a principal axis leaves an object's extents as they are, and the features that
+//! distinguish both orientations may be smaller than a pixel where the object is first seen. All images
+//! together decide: each adds how much better one of the orientations explains it.
 
 use std::f64::consts::PI;
 
@@ -11,7 +11,7 @@ use nalgebra::{SymmetricEigen, UnitQuaternion, Vector3};
 
 use super::{Symmetry, registration::Fit};
 
-/// What one image adds at most, so that no single one decides: −2 × the logarithm of a likelihood ratio.
+/// Largest evidence of one image, so that no single one decides: −2 × the logarithm of a likelihood ratio.
 const MOST_OF_IMAGE: f64 = 30.0;
 /// Evidence from which on the other orientation is believed.
 const DECISIVE: f64 = 60.0;
@@ -26,9 +26,9 @@ const ALIKE_RAD: f64 = 0.3;
 /// One of the half turns.
 #[derive(Debug, Clone, Copy)]
 struct HalfTurn {
-    /// Of the object, in O.
+    /// Rotation of the object, in O.
     rotation: UnitQuaternion<f64>,
-    /// For it.
+    /// Evidence for the rotation.
     evidence: f64,
 }
 
@@ -37,7 +37,7 @@ struct HalfTurn {
 pub(super) struct HalfTurns {
     symmetry: Symmetry,
     turns: Vec<HalfTurn>,
-    /// Which of them is asked for next.
+    /// Number of the rotation that is tested next.
     next: usize,
 }
 

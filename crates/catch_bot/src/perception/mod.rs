@@ -55,16 +55,16 @@ pub struct Config {
     /// stand: they are aligned on the arm that they see. Zero where they are known exactly.
     #[serde(deserialize_with = "quantity::error_rad")]
     pub camera_sd_rad: f64,
-    /// Whether the cameras see the floor, the plane z = 0; not, if it is not set.
+    /// True if the cameras see the floor, the plane z = 0; false if it is not set.
     pub floor_visible: Option<bool>,
-    /// Whether depths may be missing where there is something; not, if it is not set.
+    /// True if depths may be missing where there is a surface; false if it is not set.
     pub depth_dropout: Option<bool>,
     /// Fraction of the depth noise's variance that all pixels of one image have in common; none if it is not
     /// set.
     #[serde(deserialize_with = "quantity::fraction")]
     pub depth_common_fraction: Option<f64>,
-    /// How many pixels beside a depth edge may show something else than what is there, because stereo matches
-    /// windows; none if it is not set.
+    /// Number of pixels beside a depth edge that may show another surface, because stereo matches windows;
+    /// none if it is not set.
     #[serde(deserialize_with = "quantity::edge_px")]
     pub depth_edge_px: Option<u32>,
 }
@@ -104,7 +104,7 @@ impl Config {
 /// The object's pose at one instant.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ObjectPose {
-    /// When the images were taken, in seconds on the cell's clock.
+    /// Time at which the images were taken, in seconds on the cell's clock.
     pub capture_s: f64,
     /// Pose of the object; O has its origin at the centre of mass as the reference model estimates it.
     pub X_WO: Pose,
@@ -115,27 +115,27 @@ pub struct ObjectPose {
     pub points: usize,
     /// Root mean square distance of those points from the reference surface, in metres.
     pub residual_m: f64,
-    /// How badly the object explains the points: the mean square of their residuals in standard deviations.
-    /// `None` where no depth tells its shape.
+    /// Mean square of the points' residuals in standard deviations: the mismatch between object and points.
+    /// `None` where no depth shows its shape.
     #[serde(default)]
     pub points_mismatch: Option<f64>,
-    /// The same of the silhouette's rays, where these were needed. Known objects are told apart by either,
-    /// not by one against the other.
+    /// Mean square of the silhouette rays' residuals in standard deviations, where these were needed. Known
+    /// objects are distinguished by one of the two mismatches, not by one against the other.
     #[serde(default)]
     pub silhouette_mismatch: Option<f64>,
     /// Iterations that it took.
     pub iterations: usize,
-    /// Whether it was found without regard to the predicted pose.
+    /// True if the pose was found without regard to the predicted pose.
     pub registered_globally: bool,
 }
 
-/// Why there is no pose.
+/// Reason for which there is no pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PerceptionStatus {
     /// No pixel shows anything that could be the object.
     NoPoints,
-    /// Too few pixels do.
+    /// Too few pixels show the object.
     TooFewPoints,
     /// The reference could not be brought to lie on the points.
     NotConverged,
@@ -153,9 +153,9 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// With what the cameras see of an arm that will be waiting where `surroundings` say while the object is
-    /// looked for in images without masks, which makes the search faster and changes nothing of what it finds
-    /// but at the very edge of the arm.
+    /// Prepares the background with an arm that will be waiting where `surroundings` say while the object is
+    /// searched in images without masks. The search becomes faster, and its result changes only at the very
+    /// edge of the arm.
     pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
         let detector = detection::Detector::before_flight(cameras, surroundings, config);
         Self { detector, ..Self::default() }

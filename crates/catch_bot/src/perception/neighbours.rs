@@ -1,4 +1,4 @@
-//! Which points of a cloud lie near a place: a grid of cells over the cloud's bounding box.
+//! Neighbour search: the points of a cloud near a position, by a grid of cells over the cloud's bounding box.
 
 use nalgebra::{Point3, Vector3};
 

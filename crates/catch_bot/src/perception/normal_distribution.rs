@@ -1,4 +1,4 @@
-//! What is needed of the normal distribution.
+//! Functions of the normal distribution.
 
 /// φ(u)/Φ(−u) for the normal distribution.
 ///

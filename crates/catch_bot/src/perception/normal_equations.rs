@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Matrix6, Point3, Vector3, Vector6};
 /// Standard deviations at which a residual's weight has fallen to a quarter (Geman–McClure): 98 % efficient
 /// on normal noise.
 pub(super) const OUTLIER_SD: f64 = 5.0;
-/// What the weighted mean square of normal residuals then is, in variances: E\[w·u²\]/E\[w\].
+/// Weighted mean square of normal residuals with these weights, in variances: E\[w·u²\]/E\[w\].
 pub(super) const MEAN_SQUARE: f64 = 0.873;
 
 /// Σ w·J·Jᵀ and Σ w·J·r over residuals r in standard deviations, J being the gradient of r with respect to a

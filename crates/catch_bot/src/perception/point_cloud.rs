@@ -1,4 +1,4 @@
-//! From pixels to points in W that belong to the object.
+//! Conversion of pixels to points in W that belong to the object.
 
 use catch_body::{Pose, quantity};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
@@ -36,9 +36,9 @@ impl DepthNoise {
 /// A point of the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScenePoint {
-    /// Where it is.
+    /// Position of the point.
     pub p_W: Point3<f64>,
-    /// How it moves per metre of depth: along its pixel's ray.
+    /// Displacement of the point per metre of depth: along its pixel's ray.
     pub per_depth_W: Vector3<f64>,
     /// Standard deviation of its depth in metres.
     pub depth_sd_m: f64,
@@ -46,7 +46,7 @@ pub struct ScenePoint {
     pub image: usize,
 }
 
-/// How a pose of the object stands to a point of the scene.
+/// Residual of a pose of the object at a point of the scene.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PointResidual {
     /// Number of the point in its cloud, and of its image.
@@ -54,7 +54,7 @@ pub(super) struct PointResidual {
     pub image: usize,
     /// The point in O.
     pub p_O: Point3<f64>,
-    /// Its signed distance from the reference in metres, and the gradient of that in O.
+    /// Signed distance of the point from the reference in metres, and its gradient in O.
     pub distance_m: f64,
     pub n_O: Vector3<f64>,
     /// Standard deviation of the distance, and by how much a standard deviation of the depth changes it.
@@ -67,12 +67,12 @@ pub(super) struct PointResidual {
 const ROOM_POINTS: usize = 4096;
 const ROOM_LABELS: usize = 1 << 17;
 
-/// What the images show of the object.
+/// Observations of the object in the images.
 #[derive(Debug, Clone, Default)]
 pub struct SceneCloud {
     /// Points on its surface.
     pub points: Vec<ScenePoint>,
-    /// Its silhouette, if it has been collected.
+    /// Silhouette of the object, if it has been collected.
     pub silhouette: Silhouette,
     /// Room for how a pose stands to the points.
     pub(super) residuals: Vec<PointResidual>,
@@ -86,7 +86,7 @@ pub struct SceneCloud {
 #[derive(Debug, Clone, Copy)]
 struct Shown {
     frame: usize,
-    /// From where.
+    /// Pose of the camera.
     X_WC: Pose,
     /// The box around the object's pixels.
     pixels: PixelWindow,
@@ -125,7 +125,7 @@ impl SceneCloud {
             let in_image = prior.map(|(X_WO, _)| (X_WO, view.in_image(frame, X_WO)));
             let radius_m = reference.radius_m + prior.map_or(0.0, |(_, gate_m)| gate_m);
             let expected = in_image.map(|(_, X_WO)| Expected::new(&X_WO, camera, radius_m));
-            // What was seen of the object then is as if seen from there at the view's capture time.
+            // The object in this image looks as if seen from this pose at the view's capture time.
             let moved = in_image.filter(|(X_WO, then)| **X_WO != *then);
             let X_WC = moved.map_or(camera.X_WC, |(X_WO, then)| X_WO * then.inverse() * camera.X_WC);
             let part = expected.map_or(frame.window, |expected| frame.window.intersection(&expected.window));
@@ -212,8 +212,8 @@ impl SceneCloud {
     }
 }
 
-/// What the pixel at a column and row of a frame says, whose part `part` has these `labels`; elsewhere
-/// nothing.
+/// Returns the label of the pixel at a column and row of a frame, whose part `part` has these `labels`;
+/// elsewhere it is unknown.
 fn label_in(frame: &DepthFrame, part: &PixelWindow, labels: &[Label]) -> impl Fn(usize, usize) -> Label {
     let [left, top] = [part.left - frame.window.left, part.top - frame.window.top].map(|offset| offset as usize);
     let (wide, high) = (part.width as usize, part.height as usize);

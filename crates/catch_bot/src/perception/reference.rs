@@ -22,10 +22,10 @@ pub(super) const DISTANCE_GRID_M: f64 = 0.0025;
 /// Root mean square distance up to which a turned object counts as looking the same. Measured for turns by
 /// any angle: ≤ 0.3 mm on symmetric objects, ≥ 8 mm on others.
 const SYMMETRY_TOLERANCE_M: f64 = 0.0008;
-/// The same for single rotations, such as the quarter turns of a brick, as a fraction of the largest ball
-/// that fits into the object, where that is more: what differs by less is confused from one image to the
-/// next. Half of it counts for turns by any angle, so that a can with beads is round and a hexagonal prism is
-/// not.
+/// Tolerance of single rotations, such as the quarter turns of a brick, as a fraction of the largest ball
+/// that fits into the object, where that is more: smaller differences are confused from one image to the
+/// next. Half of it counts for rotations by any angle, so that a can with beads is round and a hexagonal
+/// prism is not.
 const CONFUSED_FRACTION: f64 = 0.08;
 
 /// The object as the brain knows it: its surface, its centre of mass and what it looks the same under.
@@ -70,8 +70,8 @@ impl ReferenceModel {
         Self::with_free_space(points, &seen, &|_, _| None)
     }
 
-    /// As [`from_points`](Self::from_points); `is_free` tells of places in R, so far from any surface,
-    /// whether they are outside.
+    /// Builds the model as [`from_points`](Self::from_points) does; `is_free` decides whether a position in
+    /// R, so far from any surface, is outside.
     fn with_free_space(
         points: &[Point3<f64>],
         seen: &[Seen],
@@ -113,7 +113,7 @@ impl ReferenceModel {
 /// Fewer points than this do not make a surface.
 const MIN_NEIGHBOURS: usize = 12;
 
-/// How a point of a scan was seen, in R.
+/// Viewing direction of a point of a scan, in R.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
     /// Direction to its camera.
@@ -161,9 +161,9 @@ fn facing_C(camera: &CameraModel, frame: &DepthFrame, pixel: usize) -> Option<Ve
     down.cross(&across).try_normalize(1e-12)
 }
 
-/// Whether some image of a scan shows that a place in R, which is `clearance_m` from any surface, is outside
-/// of the object: the ray of the nearest pixel passes it and meets the surface behind it, or none. `None`
-/// where pixels are too coarse to tell.
+/// Returns whether some image of a scan shows that a position in R, which is `clearance_m` from any surface,
+/// is outside of the object: the ray of the nearest pixel passes it and meets the surface behind it, or none.
+/// `None` where pixels are too coarse to tell.
 fn is_free(scan: &ReferenceScan, p_R: &Point3<f64>, clearance_m: f64) -> Option<bool> {
     let shown = scan.frames.iter().filter_map(|frame| {
         let camera = scan.cameras.get(frame.camera)?;
@@ -319,8 +319,8 @@ struct Patch {
     y_axis: Vector3<f64>,
     /// Normal of the plane, outwards.
     axis: Vector3<f64>,
-    /// Of coordinates in units of the neighbourhood's radius; zero where the neighbours determine no quadric
-    /// or one that bends too much to be believed.
+    /// Coefficients for coordinates in units of the neighbourhood's radius; zero where the neighbours
+    /// determine no quadric or one whose curvature is too large to be believed.
     c: Vector6<f64>,
     radius_m: f64,
     /// Root mean square distance of the neighbours.
@@ -370,7 +370,7 @@ impl Patch {
         Some(information.cholesky()?.solve(&right))
     }
 
-    /// What the coefficients are multiplied with at an offset from the origin, and z there.
+    /// Row of the linear problem at an offset from the origin: the factors of the coefficients, and z there.
     fn row(&self, offset: &Vector3<f64>) -> (Vector6<f64>, f64) {
         let [x, y, z] = [self.x_axis, self.y_axis, self.axis].map(|along| offset.dot(&along) / self.radius_m);
         (Vector6::new(1.0, x, y, x * x, x * y, y * y), z)

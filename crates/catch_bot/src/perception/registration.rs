@@ -33,9 +33,9 @@ pub struct Fit {
     pub silhouette_residual_m: Option<f64>,
     /// Mean square of the points' residuals in standard deviations; `None` where no depth tells the shape.
     pub points_mismatch: Option<f64>,
-    /// The same of the silhouette's rays, where it was used.
+    /// Mean square of the silhouette rays' residuals in standard deviations, where the silhouette was used.
     pub silhouette_mismatch: Option<f64>,
-    /// How badly all residuals fit, outliers included: what different starts are compared by.
+    /// Robust cost of all residuals, outliers included, by which different starts are compared.
     pub robust_cost: f64,
     /// Iterations.
     pub iterations: usize,
@@ -46,7 +46,8 @@ const HOPELESS_RADII: f64 = 0.5;
 /// A point's variance of its own is this fraction of all of it or more, whatever the points of an image have
 /// in common.
 const LEAST_OWN: f64 = 1e-3;
-/// How far before an object's centre its image lies, in its inner radii: two thirds for a ball.
+/// Mean distance of the visible surface in front of an object's centre, in inner radii: two thirds for a
+/// ball.
 const FACING_RADII: f64 = 2.0 / 3.0;
 /// Silhouettes in so many images tell how far away an object is.
 const ENOUGH_SILHOUETTES: usize = 3;
@@ -62,26 +63,27 @@ const NEAR_SD: f64 = 10.0;
 const NEAR_TOLERANCE: f64 = 2.0;
 /// Mean distances of points below this are all perfect, in metres.
 const LEAST_MEAN_M: f64 = 1e-5;
-/// And mean violations of the silhouette below this fraction of a pixel.
+/// Mean violations of the silhouette below this fraction of a pixel are all perfect.
 const LEAST_MEAN_PX: f64 = 5e-4;
 /// The silhouette's scale falls to this fraction from one step to the next at most: bounds close in on the
 /// pose gradually.
 const LEAST_SHRINKING: f64 = 0.6;
 
-/// How much larger than told the residuals of points and of silhouette rays are, never less than one.
-/// Estimated along, it weighs the two kinds against each other even if nobody told how noisy the depths are.
+/// Ratios of the residuals of points and of silhouette rays to their configured standard deviations, never
+/// less than one. Estimated along with the pose, they weigh the two kinds against each other even where the
+/// depth noise is not configured.
 #[derive(Debug, Clone, Copy)]
 struct Scales {
     points: f64,
     silhouette: f64,
 }
 
-/// How the steps of a registration go.
+/// Progress of a registration.
 struct Pace {
     iterations: usize,
-    /// Whether the steps have come to rest.
+    /// True if the steps have come to rest.
     at_rest: bool,
-    /// How far the surface was moved, in metres.
+    /// Distance by which the surface was moved, in metres.
     moved_m: f64,
     /// The last step before it was damped, and its length in standard deviations of the pose.
     step: Vector6<f64>,
@@ -128,7 +130,7 @@ impl Pace {
     }
 }
 
-/// What points and rays tell at a pose.
+/// Sums over points and rays at a pose.
 struct Summed {
     on_points: Sums,
     on_rays: Sums,
@@ -171,7 +173,8 @@ pub const MAX_RESIDUAL_M: f64 = 0.005;
 const MAX_ITERATIONS: usize = 20;
 /// A registration has converged when a step is shorter than this in metres, and at the object's surface.
 const STEP_TOLERANCE_M: f64 = 2e-6;
-/// Or when a step is shorter than this fraction of the pose's standard deviation.
+/// A registration has also converged when a step is shorter than this fraction of the pose's standard
+/// deviation.
 const STEP_TOLERANCE_SD: f64 = 0.1;
 /// Standard deviations in radians and metres that every pose has at least, because points of one frame err
 /// together.
@@ -189,7 +192,7 @@ pub struct Registration<'a> {
 }
 
 impl<'a> Registration<'a> {
-    /// Of points that are off by the reference's own error and the noise of their depths.
+    /// Creates the registration of points with the reference's own error and the noise of their depths.
     pub fn new(reference: &'a ReferenceModel, config: &'a Config) -> Self {
         Self { reference, config, model_sd_m: MODEL_SD_M }
     }
@@ -214,7 +217,7 @@ impl<'a> Registration<'a> {
         if converged && believable { Ok(fit) } else { Err(PerceptionStatus::NotConverged) }
     }
 
-    /// At most `max_iterations` Gauss–Newton steps, and whether they came to rest.
+    /// Takes at most `max_iterations` Gauss–Newton steps, and returns whether they came to rest.
     pub(super) fn iterate(
         &self,
         scene: &mut SceneCloud,
@@ -287,8 +290,8 @@ impl<'a> Registration<'a> {
         Summed { on_points, on_rays, equations }
     }
 
-    /// What the mean depth of each image tells where single depths tell no shape: about how far away the
-    /// object is. The silhouettes of several images tell that much better.
+    /// Adds the mean depth of each image whose single depths do not show the object's shape: it measures the
+    /// object's distance. The silhouettes of several images measure that much better.
     fn add_mean_depths(&self, equations: &mut NormalEquations, depths: &Depths<'_>, X_WO: &Pose) {
         let Some(common_fraction) = self.config.depth_common_fraction else { return };
         if depths.residuals.len() == depths.points.len() || depths.images().count() >= ENOUGH_SILHOUETTES {
@@ -302,7 +305,7 @@ impl<'a> Registration<'a> {
             let (p_W, ray_W) = (sum(&|it| it.p_W.coords), sum(&|it| it.per_depth_W));
             let depth_sd_m = mean_sd_m(image);
             let direction_W = ray_W.normalize();
-            // What faces the camera of a ball lies two thirds of its radius before its centre, on average.
+            // The visible side of a ball lies two thirds of its radius before its centre, on average.
             let beyond_m = direction_W.dot(&(p_W - X_WO.translation.vector)) + FACING_RADII * inner_radius_m;
             let own_fraction = (1.0 - common_fraction) / count;
             let variance_m2 = ray_W.norm_squared() * depth_sd_m.powi(2) * (common_fraction + own_fraction)
@@ -312,7 +315,7 @@ impl<'a> Registration<'a> {
         }
     }
 
-    /// What the points tell. How far the depths of each image are off in common is eliminated.
+    /// Sums over the points. The error that the depths of each image have in common is eliminated.
     fn sum_points(&self, residuals: &[PointResidual], scale: f64) -> Sums {
         let mut sums = Sums::ZERO;
         let common_sd = self.config.depth_common_fraction.unwrap_or_default().sqrt();
@@ -366,7 +369,7 @@ impl<'a> Registration<'a> {
 /// The points of a scene, image by image.
 struct Depths<'a> {
     points: &'a [ScenePoint],
-    /// Those of the images whose depths tell the object's shape.
+    /// Residuals of the points of the images whose depths show the object's shape.
     residuals: &'a mut Vec<PointResidual>,
     /// Depths with a larger standard deviation tell no shape: nothing that the object's silhouette does not
     /// say better, and the field is no measure of how they err.

@@ -1,10 +1,10 @@
-//! Which pixels show the object where the images do not say: what lies in front of all that is known to be
-//! there.
+//! Segmentation of the object in images without masks: the pixels in front of all known surfaces.
 //!
-//! Known are the floor, if the cameras see it, and the arm, whose surface the brain casts its own rays at. A
+//! Known surfaces are the floor, if the cameras see it, and the arm, at which the brain casts its own rays. A
 //! pixel is in front of them if it is nearer by some standard deviations of the depth noise at that depth.
-//! While the object is tracked only pixels where it is expected are looked at. Where the object and what is
-//! behind it are too close to be told apart, the pixel says nothing, to the silhouette neither.
+//! While the object is tracked only pixels where it is expected are evaluated. Where the object is too close
+//! to the background to be distinguished from it, the pixel has no label, and the silhouette does not use it
+//! either.
 
 use catch_body::{
     Pose,
@@ -17,7 +17,7 @@ use nalgebra::{Point2, Point3, Vector3};
 
 use super::Config;
 
-/// What the cameras see beside the object.
+/// Surroundings of the object that the cameras see.
 #[derive(Debug, Clone, Copy)]
 pub struct Surroundings<'a> {
     /// The arm and its gripper.
@@ -28,15 +28,15 @@ pub struct Surroundings<'a> {
     pub width_m: f64,
 }
 
-/// What a pixel says.
+/// Label of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Label {
-    /// It does not show the object.
+    /// The pixel does not show the object.
     #[default]
     Elsewhere,
-    /// It shows the object.
+    /// The pixel shows the object.
     Object,
-    /// It cannot tell.
+    /// The pixel is ambiguous.
     Unknown,
 }
 
@@ -49,18 +49,18 @@ const MAX_BODIES: usize = 16;
 /// Centre in C, radius, pose of C in the body's frame, and surface of a body.
 type BodyInSight<'a> = (Point3<f64>, f64, Pose, &'a RayCaster);
 
-/// What one camera would see without the object.
+/// Expected view of one camera without the object.
 pub struct Background<'a> {
     camera: &'a CameraModel,
     bodies: [Option<BodyInSight<'a>>; MAX_BODIES],
     /// Height of the camera over the floor and the vertical in C.
     floor: Option<(f64, Vector3<f64>)>,
-    /// How far beside an edge of these bodies a pixel may show them, in pixels.
+    /// Distance beside an edge of these bodies within which a pixel may show them, in pixels.
     bleeding_px: u32,
 }
 
 impl<'a> Background<'a> {
-    /// Of a part of an image.
+    /// Background of a part of an image.
     pub fn new(
         camera: &'a CameraModel,
         surroundings: Option<&Surroundings<'a>>,
@@ -71,7 +71,7 @@ impl<'a> Background<'a> {
         Self::of_parts(camera, all.into_iter().flatten(), part, config)
     }
 
-    /// The same of a full image without the arm: the obstacles and the floor.
+    /// Background of a full image without the arm: the obstacles and the floor.
     pub fn without_arm(camera: &'a CameraModel, surroundings: &Surroundings<'a>, config: &Config) -> Self {
         let all = surroundings.arm.named_parts(&surroundings.X_WL, surroundings.width_m);
         let obstacles = all.filter(|(part, ..)| *part == SurfacePart::Obstacle).map(|(_, X_WB, caster)| (X_WB, caster));
@@ -143,7 +143,8 @@ impl<'a> Background<'a> {
         self.nearest_along_m(&ray_C, self.along_m(&ray_C))
     }
 
-    /// The same along a ray whose third component is one, where what is behind it has a depth of `behind_m`.
+    /// Nearest depth along a ray whose third component is one, where the surface behind has a depth of
+    /// `behind_m`.
     fn nearest_along_m(&self, ray_C: &Vector3<f64>, behind_m: f64) -> f64 {
         if self.bleeding_px == 0 || self.bodies.iter().flatten().next().is_none() {
             return behind_m;
@@ -179,22 +180,22 @@ fn body_m((centre_C, radius_m, X_BC, caster): &BodyInSight<'_>, ray_C: &Vector3<
 /// Standard deviations of depth noise by which a pixel must be nearer than what is known to be there. Of 2.4
 /// million pixels 76 exceed four by noise alone, which are too few to hang together.
 const BACKGROUND_SD: f64 = 4.0;
-/// And metres beside that, for errors of the arm's model and of the cameras' calibration.
+/// Additional margin in metres, for errors of the arm's model and of the cameras' calibration.
 pub(super) const BACKGROUND_MARGIN_M: f64 = 0.01;
 
-/// By how much a pixel must be nearer than what is known to be there: the depth noise there, and errors of
-/// the model.
+/// Distance by which a pixel must be nearer than the known background, in metres: the depth noise there, and
+/// errors of the model.
 pub(super) fn threshold_m(depth_m: f64, config: &Config) -> f64 {
     BACKGROUND_MARGIN_M + BACKGROUND_SD * config.depth_sd_m(depth_m)
 }
 
-/// How far beside an edge of the arm a pixel may show the arm: the width of edges, and a pixel for where the
-/// arm is not quite where it is believed to be.
+/// Distance beside an edge of the arm within which a pixel may show the arm, in pixels: the width of edges,
+/// and one pixel for the error of the arm's position.
 pub(super) fn bleeding_px(config: &Config) -> u32 {
     if config.edge_px() > 0 { config.edge_px() + 1 } else { 0 }
 }
 
-/// Where in a camera's image the object is expected: a ball in C, and the window that it may cover.
+/// Region of a camera's image in which the object is expected: a ball in C, and the window that it may cover.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Expected {
     pub window: PixelWindow,
@@ -279,7 +280,7 @@ impl Search<'_> {
         }
     }
 
-    /// Where the depths of a row of the part begin in the frame.
+    /// Index in the frame at which the depths of a row of the part begin.
     fn start_of_row(&self, y: usize) -> usize {
         let Self { frame, part, .. } = self;
         let [left, top] = [part.left - frame.window.left, part.top - frame.window.top].map(|offset| offset as usize);
@@ -290,7 +291,7 @@ impl Search<'_> {
         f64::from(self.frame.depth_m[self.start_of_row(y) + x])
     }
 
-    /// Whether a depth may be that of the object.
+    /// Returns whether a depth may be that of the object.
     fn is_near(&self, found_m: f64) -> bool {
         let Expected { centre_C, radius_m, .. } = self.expected;
         (found_m - centre_C.z).abs() < radius_m + BACKGROUND_SD * self.config.depth_sd_m(found_m)
@@ -328,11 +329,11 @@ fn is_measured(found_m: f64) -> bool {
     found_m > 0.0 && found_m.is_finite()
 }
 
-/// So many of a pixel's eight neighbours show the object if it is a hole in the object's image, or at least
-/// not clearly beside it: a straight edge has five on its inside and three on its outside.
+/// Least number of a pixel's eight neighbours that show the object if it is a hole in the object's image, or
+/// at least not clearly beside it: a straight edge has five on its inside and three on its outside.
 const HOLE_NEIGHBOURS: usize = 4;
 
-/// Where depths may be missing, a pixel without one that is surrounded by the object cannot tell. Others
+/// Labels pixels without a depth as unknown if the object surrounds them, where depths may be missing. Others
 /// without one, with nothing known behind them, are most likely beside the object: all of these have no
 /// depth, of the object's only a few.
 fn mark_uncertain_holes(labels: &mut [Label], part: &PixelWindow, is_measured: impl Fn(u32, u32) -> bool) {

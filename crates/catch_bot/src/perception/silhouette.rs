@@ -22,18 +22,18 @@ use super::{
 /// The ray through a pixel at the object's silhouette.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SilhouetteRay {
-    /// Where it starts: the camera.
+    /// Origin of the ray: the camera.
     pub p_WC: Point3<f64>,
-    /// Its direction, a unit vector.
+    /// Direction of the ray, a unit vector.
     pub direction_W: Vector3<f64>,
-    /// Whether the pixel shows the object.
+    /// True if the pixel shows the object.
     pub inside: bool,
     /// The angle that a pixel covers.
     pub pixel_rad: f64,
     /// Number of its image.
     image: usize,
-    /// Where it comes nearest to the surface (or goes deepest below it): how far along it, and how the
-    /// distance bends there, in 1/m.
+    /// Distance along the ray of the point nearest to the surface (or deepest below it), in metres, and
+    /// curvature of the distance there, in 1/m.
     along_m: f64,
     bend_per_m: f64,
     /// Signed distance of that place from the surface, in metres; the place and the gradient there, both in
@@ -41,11 +41,11 @@ pub struct SilhouetteRay {
     distance_m: f64,
     p_O: Point3<f64>,
     n_O: Vector3<f64>,
-    /// Its direction in O.
+    /// Direction of the ray in O.
     direction_O: Vector3<f64>,
     /// Standard deviation of the silhouette there, in metres.
     sd_m: f64,
-    /// How far the object had moved when the ray was looked at.
+    /// Displacement of the object up to the last evaluation of the ray, in metres.
     seen_after_m: f64,
 }
 
@@ -57,8 +57,8 @@ const SILHOUETTE_SD_PX: f64 = 0.015;
 pub(super) const SILHOUETTE_ABOVE_M: f64 = 0.001;
 /// Standard deviations by which a bound must be kept before it no longer matters.
 const IDLE_SD: f64 = 3.0;
-/// How far the object may move, and how much the silhouette's scale may grow, before all rays are asked again
-/// whether they matter.
+/// Displacement of the object in metres, and growth of the silhouette's scale, after which all rays are
+/// evaluated again.
 const NEARBY_M: f64 = 0.002;
 const SCALE_GROWTH: f64 = 1.5;
 /// Bends of the distance along a ray that are believed, in 1/m: radii from 2 mm to 0.5 m.
@@ -66,7 +66,7 @@ const BENDS_PER_M: [f64; 2] = [2.0, 500.0];
 
 /// Standard deviations by which a bound must be kept for its search to end.
 const CLEAR_SD: f64 = 4.0;
-/// How far ahead a parabola along the ray is believed: two nodes of the distance field.
+/// Range in metres over which a parabola along the ray is trusted: two nodes of the distance field.
 const BELIEVED_M: f64 = 0.004;
 /// Steps of the search for the nearest place, and the shortest that is worth a look.
 const SECANTS: usize = 3;
@@ -92,18 +92,17 @@ impl SilhouetteRay {
         }
     }
 
-    /// How far the bound is broken in metres, where the object has grown as `edges` say; negative if it is
-    /// kept.
+    /// Violation of the bound in metres, where the object has grown as `edges` say; negative if it is kept.
     fn violation_m(&self, edges: &[EdgeGrowth]) -> f64 {
         if self.inside { self.beyond_m(edges) } else { -self.beyond_m(edges) }
     }
 
-    /// How far the ray passes beside the grown object, in metres; negative if it meets it.
+    /// Distance in metres by which the ray passes beside the grown object; negative if it meets it.
     fn beyond_m(&self, edges: &[EdgeGrowth]) -> f64 {
         self.distance_m - edges[self.image].px * self.pixel_m()
     }
 
-    /// What a pixel covers there, in metres.
+    /// Size of a pixel at the nearest point of the ray, in metres.
     fn pixel_m(&self) -> f64 {
         self.pixel_rad * self.along_m
     }
@@ -114,7 +113,8 @@ impl SilhouetteRay {
         self.sd_m = (in_image_m * in_image_m + MODEL_SD_M * MODEL_SD_M).sqrt();
     }
 
-    /// Whether the bound is kept by so much that it does not matter after the object has moved by `moved_m`.
+    /// Returns whether the bound is kept by so much that it does not matter after the object has moved by
+    /// `moved_m`.
     fn is_idle(&self, moved_m: f64, scale: f64, edges: &[EdgeGrowth]) -> bool {
         self.violation_m(edges) + (moved_m - self.seen_after_m) < -IDLE_SD * scale * self.sd_m
     }
@@ -203,11 +203,11 @@ impl SilhouetteRay {
 #[derive(Debug, Clone, Default)]
 pub struct Silhouette {
     rays: Vec<SilhouetteRay>,
-    /// How far the object has grown in each image.
+    /// Growth of the object in each image.
     edges: Vec<EdgeGrowth>,
-    /// Those that matter.
+    /// Numbers of the rays that matter.
     near: Vec<u32>,
-    /// How far the object had moved when they were chosen, and up to which scale they are all that matter.
+    /// Displacement of the object when they were chosen, and the scale up to which no other rays matter.
     moved_m: f64,
     most_scale: f64,
 }
@@ -222,12 +222,12 @@ impl Silhouette {
         self.near.reserve(count);
     }
 
-    /// Whether there are no rays.
+    /// Returns whether there are no rays.
     pub fn is_empty(&self) -> bool {
         self.rays.is_empty()
     }
 
-    /// How many rays there are.
+    /// Number of rays.
     pub fn len(&self) -> usize {
         self.rays.len()
     }
@@ -312,7 +312,7 @@ impl Silhouette {
         broken.map(|in_sd| in_sd * in_sd).sum::<f64>() / self.len().max(1) as f64
     }
 
-    /// What a pixel covers at the object, in metres.
+    /// Mean size of a pixel at the object, in metres.
     pub(super) fn pixel_m(&self) -> f64 {
         let sum: f64 = self.rays.iter().map(SilhouetteRay::pixel_m).sum();
         sum / self.rays.len().max(1) as f64
@@ -438,7 +438,7 @@ mod tests {
         (synthetic::reference(&Shape::Sphere { radius: radius_m }, 200), silhouette)
     }
 
-    /// Where edges may grow, a ball that seems too large is no nearer.
+    /// A ball that seems too large is no nearer where edges may grow.
     #[test]
     fn growth_is_told_from_nearness() {
         let along = |edge_px: u32| {

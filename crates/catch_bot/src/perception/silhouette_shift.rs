@@ -1,14 +1,14 @@
-//! By how much the arm's silhouette and depth in a camera's images are off, now and before.
+//! Shift of the arm's silhouette and depth in a camera's images, recently and before.
 
 use catch_cell::CameraModel;
 use nalgebra::{Matrix4, Vector3, Vector4};
 
 use super::{Config, arm_edges::Sight};
 
-/// How far off the arm is in one image.
+/// Shift of the arm in one image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shift {
-    /// In pixels to the right and down, and in depth by metres.
+    /// Shift in pixels to the right and down, and in depth by metres.
     value: Vector3<f64>,
 }
 
@@ -19,14 +19,14 @@ struct Mean {
     value: Vector3<f64>,
 }
 
-/// What the images of a camera said of its shift.
+/// Mean shifts of one camera's images.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ShiftHistory {
-    /// Before, while nothing was wrong.
+    /// Mean before, while no fault was found.
     before: Mean,
-    /// Lately.
+    /// Recent mean.
     now: Mean,
-    /// Whether that may be a push, of which more images will tell.
+    /// True if the recent shift may be a displacement, which more images will decide.
     is_suspect: bool,
     is_displaced: bool,
 }
@@ -38,13 +38,13 @@ const MOST_IMAGES: f64 = 32.0;
 const MOST_BEFORE: f64 = 256.0;
 /// Standard deviation of what the silhouette in one image says, in pixels.
 const IMAGE_SD_PX: f64 = 0.2;
-/// How far a camera must seem to have moved, in metres, to count as displaced.
+/// Least apparent displacement of a camera that counts, in metres.
 pub(super) const DISPLACED_M: f64 = 0.008;
 /// Standard deviations by which anything must be off.
 pub(super) const SIGNIFICANT: f64 = 5.0;
 /// A camera that was displaced is right again when it is off by less than this fraction of the bounds.
 const RIGHT_AGAIN: f64 = 0.7;
-/// One that has moved by more than this fraction of the bounds may have been pushed.
+/// A camera that has moved by more than this fraction of the bounds may have been pushed.
 const SUSPECT: f64 = 0.5;
 /// Standard deviations of what is not known of an image beforehand: shifts in pixels, the fraction without a
 /// depth, and how far edges grow in pixels.
@@ -71,13 +71,13 @@ impl Mean {
 }
 
 impl ShiftHistory {
-    /// Whether the camera stands or looks elsewhere than it is said to, or than it did before.
+    /// Returns whether the camera stands or looks elsewhere than configured, or than it did before.
     pub fn is_displaced(&self) -> bool {
         self.is_displaced
     }
 
-    /// What was seen lately becomes what was seen before. What is too little to tell, may be a push or is one
-    /// stays as it is.
+    /// Adds the recent mean to the earlier one. A mean of too few images, and one that may be or is a
+    /// displacement, stays as it is.
     pub fn close(&mut self) {
         if !self.is_displaced && !self.is_suspect && self.now.images >= MIN_IMAGES {
             self.before.add(&std::mem::take(&mut self.now), MOST_BEFORE);
@@ -102,7 +102,8 @@ impl ShiftHistory {
         }
     }
 
-    /// Whether the images since lately are off by more than a fraction of what errors of a calibration allow.
+    /// Returns whether the recent images are off by more than a fraction of the errors that a calibration may
+    /// have.
     fn is_off(&self, fraction: f64, camera: &CameraModel, depth_m: f64, config: &Config) -> bool {
         let apart_px = DISPLACED_M * camera.focal_px / depth_m;
         let turned_px = SIGNIFICANT * config.camera_sd_rad * camera.focal_px;
@@ -110,7 +111,7 @@ impl ShiftHistory {
         self.now.value.xy().norm() > fraction * (turned_px + apart_px + noise_px)
     }
 
-    /// Whether they differ from those before by more than a fraction of the bounds.
+    /// Returns whether the recent images differ from those before by more than a fraction of the bounds.
     fn has_moved(&self, fraction: f64, camera: &CameraModel, depth_m: f64, config: &Config) -> bool {
         let Self { before, now, .. } = self;
         if before.images < MIN_IMAGES {

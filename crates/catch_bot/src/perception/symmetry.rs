@@ -51,12 +51,12 @@ impl RotationGroup {
         }
     }
 
-    /// Its rotations but the identity.
+    /// Rotations of the group but the identity.
     pub fn rotations(&self) -> &[UnitQuaternion<f64>] {
         &self.rotations[..self.count]
     }
 
-    /// How many rotations it has, with the identity.
+    /// Number of rotations of the group, with the identity.
     pub fn order(&self) -> usize {
         self.count + 1
     }
@@ -67,7 +67,8 @@ impl RotationGroup {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "an object has one, which a box would keep from being copied")]
 pub enum Symmetry {
-    /// None by a small angle: the whole orientation can be seen, except for a finite group of rotations.
+    /// No symmetry by a small angle: the whole orientation can be seen, except for a finite group of
+    /// rotations.
     Finite {
         /// Rotations in O that leave it looking the same, such as the half turns of a box.
         group: RotationGroup,
@@ -79,7 +80,7 @@ pub enum Symmetry {
     Axis {
         /// The axis in O.
         axis: Unit<Vector3<f64>>,
-        /// Whether the object also looks the same with the axis reversed.
+        /// True if the object also looks the same with the axis reversed.
         reversible: bool,
         /// Moment of inertia about the axis, divided by that across it. The axis turns about the angular
         /// momentum at ω_⊥ + this·ω_∥.
@@ -107,7 +108,7 @@ const DIRECTIONS: u32 = 400;
 const MOST_AXES: usize = 7;
 /// Axes nearer than this, in radians, are one: those of a cube are 0.6 apart or more.
 const APART: f64 = 0.3;
-/// How exactly an axis is found, in radians.
+/// Resolution to which an axis is found, in radians.
 const FINEST_STEP: f64 = 2e-3;
 /// Angles that a turn is tried by: none divides a full turn, so prisms are not taken for cylinders.
 const TRIAL_ANGLES: [f64; 5] = [0.4, 0.9, 1.7, 2.3, 3.0];

@@ -1,4 +1,4 @@
-//! What a pose is estimated from.
+//! Inputs of pose estimation.
 
 use catch_body::{Pose, Twist};
 use catch_cell::{CameraModel, DepthFrame};
@@ -13,7 +13,7 @@ pub struct View<'a> {
     pub frames: &'a [DepthFrame],
     /// The cameras, as well as their poses are known.
     pub cameras: &'a [CameraModel],
-    /// For each camera whether its images are passed over; those beyond the end of the list are not.
+    /// True for each camera whose images are left out; false for cameras beyond the end of the list.
     pub left_out: &'a [bool],
     /// The arm at the capture time of each image, if it is known; it matters where images come without masks.
     pub surroundings: &'a [Surroundings<'a>],
@@ -28,13 +28,13 @@ impl<'a> View<'a> {
         frames.iter().enumerate().filter(|(_, frame)| left_out.get(frame.camera) != Some(&true))
     }
 
-    /// When the images were taken: the capture time of the middle one.
+    /// Capture time of the images, in seconds on the cell's clock: that of the middle one.
     pub fn capture_s(&self) -> f64 {
         let middle_first = self.frames[self.frames.len() / 2..].iter().chain(self.frames);
         middle_first.map(|frame| frame.capture_s).find(|time| time.is_finite()).unwrap_or(0.0)
     }
 
-    /// Where the object was in an image, if it is at `X_WO` at the capture time of the view.
+    /// Pose of the object in an image, if it is at `X_WO` at the capture time of the view.
     pub(super) fn in_image(&self, frame: &DepthFrame, X_WO: &Pose) -> Pose {
         let elapsed_s = frame.capture_s - self.capture_s();
         if elapsed_s == 0.0 || !elapsed_s.is_finite() {
@@ -46,13 +46,14 @@ impl<'a> View<'a> {
     }
 }
 
-/// What is known of the object's pose X_WO before the images are seen.
+/// Prior of the object's pose X_WO before the images are evaluated.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Prior {
-    /// Nothing.
+    /// No prior.
     #[default]
     Anywhere,
-    /// About where it is. The orientation counts only where the object looks the same from several sides.
+    /// Approximate pose of the object. The orientation counts only where the object looks the same from
+    /// several sides.
     Place(Pose),
     /// The pose, as predicted.
     Pose(Pose),

@@ -13,19 +13,19 @@ pub(super) struct Viewpoint {
 }
 
 impl Viewpoint {
-    /// From nowhere yet, for an object at `X_WO`.
+    /// Viewpoint without a camera yet, for an object at `X_WO`.
     pub fn new(X_WO: &Pose) -> Self {
         let R_OW = X_WO.rotation.to_rotation_matrix().transpose();
         let p_WC = Point3::new(f64::NAN, f64::NAN, f64::NAN);
         Self { R_OW, p_WO: X_WO.translation.vector, p_WC, p_OC: p_WC }
     }
 
-    /// Whether a camera stands elsewhere.
+    /// Returns whether a camera stands elsewhere.
     pub fn is_elsewhere(&self, p_WC: &Point3<f64>) -> bool {
         self.p_WC != *p_WC
     }
 
-    /// How far along a ray of this camera it passes the object's centre.
+    /// Distance along a ray of this camera at which it passes the object's centre, in metres.
     pub fn passing_m(&self, direction_W: &Vector3<f64>) -> f64 {
         -self.p_OC.coords.dot(&(self.R_OW * direction_W))
     }

@@ -43,7 +43,8 @@ pub struct JointSpline {
     pub knots: Vec<f64>,
     points: usize,
     ends: Ends,
-    /// What has bounds and does not depend on the free variables, and what does, with its rows over them.
+    /// Bounded quantities that do not depend on the free variables, and those that do, with their rows over
+    /// them.
     given: Vec<Bounded>,
     bounded: Vec<Bounded>,
     rows: Vec<Row>,
@@ -59,7 +60,7 @@ pub struct JointSpline {
     hessian: Hessian,
 }
 
-/// Between which values a quantity of a motion of this duration is, in units of the duration.
+/// Bounds of each quantity of a motion of this duration, in units of the duration.
 fn ranges(end: &End, duration_s: f64, limits: &JointLimits) -> impl Fn(Quantity) -> [f64; 2] {
     let (velocity, acceleration) = (limits.velocity * duration_s, limits.acceleration * duration_s * duration_s);
     let jerk = limits.jerk.map_or(f64::INFINITY, |it| it * duration_s.powi(3));
@@ -194,7 +195,7 @@ impl JointSpline {
         }
 
         let range = ranges(end, duration_s, limits);
-        // Where nothing free enters, it holds, or no motion does.
+        // Quantities without free variables keep their bounds, or no motion does.
         let holds = self.given.iter().all(|quantity| {
             let ([low, high], value) = (range(quantity.of), quantity.dot(&fixed));
             let rounding = 1e-9 * (1.0 + value.abs());

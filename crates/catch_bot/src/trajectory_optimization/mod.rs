@@ -56,8 +56,8 @@ pub struct Config {
     /// 5 %.
     #[serde(deserialize_with = "quantity::limit_scaling")]
     pub terminal_velocity_scaling: f64,
-    /// What the object weighs in kg, if that is known: by how much its impact makes the joints faster is kept
-    /// free for it.
+    /// Mass of the object in kg, if it is known: the velocity that its impact adds to the joints is kept free
+    /// for it.
     #[serde(deserialize_with = "quantity::thrown_mass_kg")]
     pub object_mass_kg: Option<f64>,
     /// Fraction of the torque limits that a plan may use.
@@ -110,11 +110,11 @@ const MIN_LEAD_S: f64 = 0.12;
 /// A catch: when, where and how the arm gets there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CatchPlan {
-    /// When the object is at the grasp centre, in seconds on the cell's clock.
+    /// Time at which the object is at the grasp centre, in seconds on the cell's clock.
     pub catch_s: f64,
     /// The grasp, fixed to the object.
     pub grasp: Grasp,
-    /// How the object comes into the gripper.
+    /// Direction from which the object enters the gripper.
     pub approach: Approach,
     /// Pose of the gripper in W at the catch.
     pub X_WG: Pose,
@@ -122,26 +122,26 @@ pub struct CatchPlan {
     pub q: JointVector,
     /// Opening before the catch, in metres.
     pub aperture_m: f64,
-    /// Whether the object comes in without touching the open gripper, as far as is known.
+    /// True if the object is predicted to enter without touching the open gripper.
     pub approach_is_free: bool,
-    /// Where the elbow stands, for S-R-S arms.
+    /// Posture of the elbow, for S-R-S arms.
     pub elbow: Option<Elbow>,
     /// Fraction of the object's velocity at which the gripper moves along with it.
     pub speed_fraction: f64,
     /// Angular speed of the gripper at the catch, in rad/s.
     pub spin_radps: f64,
-    /// What counted in the choice of the velocities at the catch; replans keep to it.
+    /// Weights of the choice of the velocities at the catch; replans keep to them.
     pub weights: terminal_velocity::Weights,
-    /// What the choice among catches weighed; less is better.
+    /// Cost of the catch, by which the search chose it; less is better.
     pub cost: f64,
-    /// What of it tells how well the object will be held, the heuristics and how fast it passes the fingers,
-    /// as the flight is known now.
+    /// Part of the cost that rates how well the object will be held: the heuristics and its speed past the
+    /// fingers, as the flight is predicted now.
     pub holding_cost: f64,
     /// The motion: to the catch and on to rest.
     pub trajectory: BSpline,
 }
 
-/// Why there is no plan, from the least to the most that was possible.
+/// Reason for which there is no plan, from the least to the most that was possible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PlanningFailure {
     /// No grasp suits the flight's direction.
@@ -156,10 +156,10 @@ pub enum PlanningFailure {
     OutOfBudget,
 }
 
-/// Where and how the arm is when a new motion takes over.
+/// State of the arm when a new motion takes over.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Start {
-    /// When it takes over, on the cell's clock.
+    /// Time at which the new motion takes over, in seconds on the cell's clock.
     pub time_s: f64,
     /// Position, velocity and acceleration then.
     pub state: Setpoint,
@@ -168,9 +168,9 @@ pub struct Start {
 /// An object in flight, and how it may be held.
 #[derive(Debug, Clone, Copy)]
 pub struct Incoming<'a> {
-    /// Where it flies.
+    /// Predicted flight of the object.
     pub flight: &'a FlightTrajectory,
-    /// Its grasps.
+    /// Grasps of the object.
     pub grasps: &'a GraspSet,
     /// Settings of grasp selection.
     pub config: &'a grasp_selection::Config,
@@ -186,11 +186,11 @@ pub struct MotionPlanner {
     robot: Robot,
     gripper: Gripper,
     finder: PostureFinder,
-    /// How far from each joint the gripper's origin can be, in metres.
+    /// Largest distance of the gripper's origin from each joint, in metres.
     to_gripper_m: JointVector,
     /// The base's distance from the farthest place of the gripper's origin, in metres.
     gripper_reach_m: f64,
-    /// How far the arm with the gripper can extend beyond each joint, in metres.
+    /// Largest extent of the arm with the gripper beyond each joint, in metres.
     extents_m: JointVector,
     clearance: ArmClearance,
     catch_splines: CatchSplines,
@@ -200,15 +200,15 @@ pub struct MotionPlanner {
 /// Splines of one kind: to a given velocity at the catch, and for the range of such velocities.
 #[derive(Debug)]
 pub struct CatchSplines {
-    /// To a given velocity.
+    /// Spline to a given velocity.
     pub at: JointSpline,
-    /// To the lowest or highest velocity.
+    /// Spline to the lowest or highest velocity.
     pub range: JointSpline,
 }
 
 impl CatchSplines {
-    /// With spans of these relative lengths; `start_acceleration` tells whether the acceleration at the start
-    /// is given.
+    /// Prepares the splines, with spans of these relative lengths; `start_acceleration` states whether the
+    /// acceleration at the start is given.
     pub fn new(spans: &[f64], start_acceleration: bool) -> Self {
         let ends = |end| Ends { start_acceleration, end };
         Self {
@@ -252,17 +252,17 @@ impl MotionPlanner {
         }
     }
 
-    /// Its settings.
+    /// Settings of the planner.
     pub fn config(&self) -> &Config {
         &self.config
     }
 
-    /// What finds the arm's postures.
+    /// Finder of the arm's postures.
     pub fn finder(&self) -> &PostureFinder {
         &self.finder
     }
 
-    /// How far the arm with the gripper can extend beyond each joint, in metres.
+    /// Largest extent of the arm with the gripper beyond each joint, in metres.
     pub fn extents_m(&self) -> &JointVector {
         &self.extents_m
     }
@@ -293,33 +293,33 @@ fn hand_m(gripper: &Gripper) -> f64 {
 #[derive(Debug)]
 pub struct CatchSearch {
     motion: MotionPlanner,
-    /// When the gripper can be where, if that was worked out.
+    /// Earliest times of the gripper's poses, if they were prepared.
     reach_map: Option<Arc<ReachMap>>,
     /// Distance between the catch times that are tried, in seconds.
     time_step_s: f64,
 }
 
 impl CatchSearch {
-    /// Over the motions that can be generated. With a map of what the arm can reach when from its ready pose,
-    /// hopeless times and grasps cost next to nothing; arms of [some kinds](ReachMap::serves) need it to be
-    /// quick.
+    /// Creates the search over the motions that the planner can generate. With a map of the poses that the
+    /// arm can reach from its ready pose, hopeless times and grasps cost next to nothing; arms of [some
+    /// kinds](ReachMap::serves) need it to be quick.
     pub fn new(motion: MotionPlanner, reach_map: Option<Arc<ReachMap>>) -> Self {
         Self { motion, reach_map, time_step_s: TIME_STEP_S }
     }
 
-    /// The same with another distance between the catch times that are tried, in seconds.
+    /// Sets another distance between the catch times that are tried, in seconds.
     #[must_use]
     pub fn with_time_step_s(self, time_step_s: f64) -> Self {
         Self { time_step_s, ..self }
     }
 
-    /// When an arm that is about to move departs from the ready pose of the map, `None` if it is elsewhere
-    /// already.
+    /// Departure time of an arm that is about to move from the ready pose of the map, in seconds on the
+    /// cell's clock; `None` if it is elsewhere already.
     pub fn departure_s(&self, start: &Start) -> Option<f64> {
         self.reach_map.as_ref().filter(|map| map.departs_at(start)).map(|_| start.time_s)
     }
 
-    /// What generates the motions.
+    /// Planner of the motions.
     pub fn motion(&self) -> &MotionPlanner {
         &self.motion
     }

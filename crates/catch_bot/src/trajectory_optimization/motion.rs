@@ -12,13 +12,13 @@ use crate::grasp_selection::Grasp;
 
 /// Distance from the acceleration limits that rounding needs, relative.
 pub const ROUNDING: f64 = 1e-7;
-/// The same for positions, in radians.
+/// Distance from the position limits that rounding needs, in radians.
 const HULL_ROUNDING: f64 = 1e-9;
 
 /// Fraction of the velocity limits that a replan uses where that is enough, so that the next one keeps some
 /// room; the paper's method uses no more from rest.
 const REPLAN_VELOCITY_SCALING: f64 = 0.95;
-/// The same for the acceleration limits.
+/// Fraction of the acceleration limits that a replan uses where that is enough.
 const REPLAN_ACCELERATION_SCALING: f64 = 0.9;
 /// Braking after the catch uses this fraction of the acceleration limits when its duration is chosen; the
 /// spline needs room to ramp.
@@ -30,20 +30,20 @@ const MIN_BRAKING_S: f64 = 0.2;
 const MAX_BRAKING_S: f64 = 0.45;
 /// Fraction of the hand's speed limit that a motion uses where it is looked at.
 const HAND_SPEED_FRACTION: f64 = 0.98;
-/// Where between two knots velocities are looked at, as fractions; the last knot is at rest.
+/// Samples between two knots at which velocities are checked, as fractions; the last knot is at rest.
 const SPAN_SAMPLES: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
 
 /// Fractions of the velocity and acceleration limits that a motion may use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LimitScaling {
-    /// Of the velocity limits.
+    /// Fraction of the velocity limits.
     pub velocity: f64,
-    /// Of the acceleration limits.
+    /// Fraction of the acceleration limits.
     pub acceleration: f64,
 }
 
 impl LimitScaling {
-    /// Between these (0) and `other` (1).
+    /// Interpolates between these fractions (0) and `other` (1).
     pub(super) fn toward(self, other: Self, by: f64) -> Self {
         let between = |from: f64, to: f64| from + by * (to - from);
         Self {
@@ -54,12 +54,12 @@ impl LimitScaling {
 }
 
 impl MotionPlanner {
-    /// Where this much does, a plan leaves room for replans.
+    /// Scaling of the limits that leaves room for replans; used where it is enough.
     pub(super) fn replan_scaling(&self) -> LimitScaling {
         LimitScaling { velocity: REPLAN_VELOCITY_SCALING, acceleration: REPLAN_ACCELERATION_SCALING }
     }
 
-    /// On the move it may use all there is.
+    /// Scaling of the limits for an arm in motion: all there is.
     pub(super) fn moving_scaling(&self) -> LimitScaling {
         LimitScaling { velocity: self.config.velocity_scaling, acceleration: 1.0 - ROUNDING }
     }
@@ -91,14 +91,14 @@ impl MotionPlanner {
         self.is_safe(&trajectory, catch_s, grasp).then_some(trajectory)
     }
 
-    /// How long the first control point of braking from `dq` reaches ahead: the braking spline's first span
-    /// takes up the acceleration at the catch, and its first velocity control point, q̇ + q̈·h/2, must keep
-    /// the velocity limit too.
+    /// Time that the first control point of braking from `dq` reaches ahead, in seconds: the braking spline's
+    /// first span takes up the acceleration at the catch, and its first velocity control point, q̇ + q̈·h/2,
+    /// must keep the velocity limit too.
     pub(super) fn braking_onset_s(&self, dq: &JointVector) -> f64 {
         self.brake_spline.knots[DEGREE + 1] * self.braking_s(dq) / 2.0
     }
 
-    /// From `state` to rest within the joint limits and torques, as quickly as is comfortable.
+    /// Braking from `state` to rest within the joint limits and torques, as quickly as is comfortable.
     pub fn braking(&self, state: &Setpoint, start_s: f64, failures: &FailureCounter) -> Option<BSpline> {
         // Braking begins with the state's own acceleration.
         if !self.keeps_torque_at([state.q, state.dq, state.ddq]) {
@@ -111,7 +111,7 @@ impl MotionPlanner {
         durations_s.filter_map(over).find(|braking| self.keeps_torque(braking))
     }
 
-    /// How long braking from `dq` should take.
+    /// Duration of braking from `dq`, in seconds.
     fn braking_s(&self, dq: &JointVector) -> f64 {
         (0..self.robot.dof())
             .map(|i| {
@@ -134,7 +134,7 @@ impl MotionPlanner {
         acceleration * (MAX_BRAKING_S - onset_s).max(0.0)
     }
 
-    /// One spline per joint, put together.
+    /// Braking in `duration_s`: one spline per joint, put together.
     fn braking_over(
         &self,
         state: &Setpoint,
@@ -156,8 +156,8 @@ impl MotionPlanner {
         Some(BSpline { knots_s, control_points })
     }
 
-    /// What a motion of joint `i` may use. A joint that starts closer to the end of its range than the margin
-    /// may stay there.
+    /// Limits of joint `i` for a motion from this state. A joint that starts closer to the end of its range
+    /// than the margin may stay there.
     pub fn limits(&self, i: usize, state: &Setpoint, scaling: LimitScaling) -> JointLimits {
         let limits = &self.robot.joints[i].limits;
         JointLimits {
@@ -170,8 +170,8 @@ impl MotionPlanner {
         }
     }
 
-    /// Whether position, velocity, acceleration and jerk stay within the arm's own limits, by the hulls of
-    /// their control points, of which those of acceleration and jerk are exact.
+    /// Returns whether position, velocity, acceleration and jerk stay within the arm's own limits, by the
+    /// hulls of their control points, of which those of acceleration and jerk are exact.
     pub fn keeps_limits(&self, trajectory: &BSpline) -> bool {
         let BSpline { knots_s: t, control_points } = trajectory;
         let positions = control_points.iter().all(|point| {
@@ -199,8 +199,8 @@ impl MotionPlanner {
             && self.keeps_sampled_speeds(trajectory)
     }
 
-    /// Whether the jerk stays within its limit where there is one; a jump of the acceleration at a repeated
-    /// knot does not.
+    /// Returns whether the jerk stays within its limit where there is one. A jump of the acceleration at a
+    /// repeated knot breaks the limit.
     fn keeps_jerk(&self, spline: &BSpline) -> bool {
         let mut before = None;
         spline.spans().all(|[start_s, end_s]| {
@@ -215,15 +215,16 @@ impl MotionPlanner {
         })
     }
 
-    /// What a motion of each joint may use.
+    /// Limits of each joint for a motion from `start`.
     pub fn limits_from(&self, start: &Start) -> Vec<JointLimits> {
         let at_rest = start.state.dq == JointVector::zeros();
         let scaling = if at_rest { self.replan_scaling() } else { self.moving_scaling() };
         (0..self.robot.dof()).map(|i| self.limits(i, &start.state, scaling)).collect()
     }
 
-    /// Whether torque limits hold along a motion: at its knots, in the middle between them and at its end.
-    /// Between knots accelerations are linear, so that torques peak at knots but for what velocities add.
+    /// Returns whether torque limits hold along a motion: at its knots, in the middle between them and at its
+    /// end. Between knots accelerations are linear, so that torques peak at knots but for their
+    /// velocity-dependent part.
     pub fn keeps_torque(&self, spline: &BSpline) -> bool {
         self.keeps_torque_until(spline, spline.end_s())
     }
@@ -234,15 +235,15 @@ impl MotionPlanner {
         inside_s.chain([last_s]).all(|time_s| self.keeps_torque_at(spline.evaluate(time_s)))
     }
 
-    /// The same for one state: position, velocity and acceleration.
+    /// Returns whether torque limits hold in one state: position, velocity and acceleration.
     fn keeps_torque_at(&self, [q, dq, ddq]: [JointVector; 3]) -> bool {
         let torque = self.robot.inverse_dynamics(&q, &dq, &ddq);
         (0..self.robot.dof())
             .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_scaling)
     }
 
-    /// Whether the hand's speed, and velocities whose limits depend on the position, keep their limits: at
-    /// knots and thrice between them.
+    /// Returns whether the hand's speed, and velocities whose limits depend on the position, keep their
+    /// limits: at knots and thrice between them.
     fn keeps_sampled_speeds(&self, spline: &BSpline) -> bool {
         let tables = || self.robot.joints.iter().enumerate().filter(|(_, joint)| joint.velocity_table.is_some());
         (tables().next().is_none() && self.robot.max_hand_speed_mps.is_none())
@@ -256,7 +257,7 @@ impl MotionPlanner {
             )
     }
 
-    /// How many times faster the hand may be than at these velocities, with some room for what is between
+    /// Factor by which the hand may be faster than at these velocities, with some room for the times between
     /// samples.
     pub(super) fn hand_speed_left(&self, q: &JointVector, dq: &JointVector) -> f64 {
         self.robot.max_hand_speed_mps.map_or(f64::INFINITY, |most_mps| {
@@ -264,20 +265,20 @@ impl MotionPlanner {
         })
     }
 
-    /// Whether speeds, torque limits and clearances hold along a trajectory, the hand holding the object from
-    /// the catch on. [Braking](Self::braking) keeps the torque limits anyway.
+    /// Returns whether speeds, torque limits and clearances hold along a trajectory, the hand holding the
+    /// object from the catch on. [Braking](Self::braking) keeps the torque limits anyway.
     pub(super) fn is_safe(&self, trajectory: &BSpline, catch_s: f64, grasp: &Grasp) -> bool {
         let (start_s, end_s) = (trajectory.start_s(), trajectory.end_s());
-        // How wide the gripper opens is chosen later.
+        // The aperture is chosen later.
         let widest_m = self.gripper.max_width_m;
-        // What collides mostly does so while braking.
+        // Most collisions occur while braking.
         self.keeps_sampled_speeds(trajectory)
             && self.keeps_clear(trajectory, [catch_s, end_s], widest_m, Some(&grasp.held_G))
             && self.keeps_clear(trajectory, [start_s, catch_s], widest_m, None)
             && self.keeps_torque_until(trajectory, catch_s)
     }
 
-    /// Whether the arm at `q` is clear of itself and of the floor, the gripper fully open.
+    /// Returns whether the arm at `q` is clear of itself and of the floor, the gripper fully open.
     pub(super) fn stands_clear(&self, q: &JointVector) -> bool {
         self.clearance_m(&self.robot.link_poses(q), self.gripper.max_width_m) >= self.config.clearance_m
     }
@@ -286,19 +287,20 @@ impl MotionPlanner {
         self.clearance.self_clearance(X_WL, width_m).min(self.clearance.environment_clearance(X_WL, width_m))
     }
 
-    /// Whether the arm keeps clear of itself and of the floor all along a motion, and what it holds as well.
+    /// Returns whether the arm and the object in its hand keep clear of the arm and of the floor all along a
+    /// motion.
     pub(super) fn keeps_clear_with(&self, trajectory: &BSpline, grasp: Option<&Grasp>) -> bool {
         let span_s = [trajectory.start_s(), trajectory.end_s()];
         let held = grasp.map(|grasp| &grasp.held_G);
         self.keeps_clear(trajectory, span_s, grasp.map_or(self.gripper.max_width_m, |it| it.object_width_m), held)
     }
 
-    /// The same from one time until another, the gripper `width_m` open.
+    /// Returns whether the arm and the object in its hand keep clear from one time until another, the gripper
+    /// `width_m` open.
     ///
-    /// At the times that are looked at, `clearance_m` is kept, and half of it between them: no two of its
-    /// parts approach each other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm and what it holds can
-    /// extend beyond joint i. From a clearance d there is none smaller than zero for a time of d over that
-    /// speed.
+    /// At the sampled times, `clearance_m` is kept, and half of it between them: no two parts approach each
+    /// other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being the largest extent of the arm and the held object beyond joint
+    /// i. A clearance d stays above zero for a time of d over that speed.
     fn keeps_clear(
         &self,
         trajectory: &BSpline,
@@ -339,7 +341,7 @@ impl MotionPlanner {
     }
 }
 
-/// Where a motion ends.
+/// State at the end of a motion.
 fn end_of(spline: &BSpline) -> Setpoint {
     let [q, dq, ddq] = spline.evaluate(spline.end_s());
     Setpoint { q, dq, ddq }
@@ -364,8 +366,8 @@ mod tests {
         MotionPlanner::new(catch_body::Robot::from_files(&files).unwrap(), gripper.unwrap(), Config::default())
     }
 
-    /// Two corners of a bar that sticks out by 0.6 m from the hand, and the arm's own parts, against the
-    /// bound on their speed.
+    /// A bar that sticks out by 0.6 m from the hand, by two of its corners, and the arm's own parts keep
+    /// within the bound on their speed.
     #[test]
     fn nothing_held_is_faster_than_the_bound() {
         let planner = planner();

@@ -1,4 +1,5 @@
-//! From a start to given joint positions at a given time: the end velocities and the splines, found together.
+//! Motion from a start to given joint positions at a given time: the end velocities and the splines, found
+//! together.
 //!
 //! The velocities at the catch are chosen within what each joint can have on arrival, first by the exact
 //! bounds of [`super::reachability`], which are optimistic for a spline. A joint whose spline program is
@@ -25,16 +26,16 @@ const INSIDE: f64 = 1e-7;
 /// Any velocity.
 const UNLIMITED: Interval = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
 
-/// Where to be and how, from where.
+/// Point-to-point problem: the required state at the catch, and the start.
 #[derive(Debug)]
 pub struct PointToPoint<'a> {
     /// The arm and its limits.
     pub planner: &'a MotionPlanner,
-    /// What the joints' motions are like.
+    /// Programs of the joints' splines.
     pub splines: &'a CatchSplines,
-    /// From where and when.
+    /// Start of the motion.
     pub start: &'a Start,
-    /// Until when.
+    /// Time of the catch, in seconds on the cell's clock.
     pub catch_s: f64,
     /// Joint positions then.
     pub q: JointVector,
@@ -42,16 +43,16 @@ pub struct PointToPoint<'a> {
     pub v_WO: Vector3<f64>,
     /// Coefficient of restitution with which the object bounces off the gripper.
     pub restitution: f64,
-    /// Of the grasp centre at `q`.
+    /// Jacobian of the grasp centre at `q`.
     pub jacobian: Jacobian,
-    /// How much of the limits it may use.
+    /// Fractions of the limits that the motion may use.
     pub scaling: LimitScaling,
-    /// What counts in the choice of the end velocities.
+    /// Weights of the choice of the end velocities.
     pub weights: Weights,
-    /// How the hand follows the object, and the gripper's orientation in W then; `None` if it keeps to the
-    /// object's direction.
+    /// Weights with which the hand follows the object, and the gripper's orientation in W then; `None` if it
+    /// keeps to the object's direction.
     pub following: Option<(Rotation3<f64>, Following)>,
-    /// Whether a braking spline is to follow.
+    /// True if a braking spline is to follow.
     pub brakes: bool,
     /// Counts what fails numerically.
     pub failures: &'a FailureCounter,
@@ -230,7 +231,7 @@ fn set(points: &mut [JointVector], i: usize, joint: &JointPoints) {
 }
 
 impl MotionPlanner {
-    /// What each joint can reach in `time_s` from the start.
+    /// Reachable set of each joint `time_s` after the start.
     pub fn reaches(&self, start: &Start, time_s: f64, scaling: LimitScaling) -> [ReachableSet; MAX_JOINTS] {
         std::array::from_fn(|i| {
             let limits = self.robot.joints.get(i).map(|joint| joint.limits);

@@ -14,10 +14,10 @@ use catch_body::{
 /// Swivel angles that are looked at in each arc, as fractions of it.
 const FRACTIONS_OF_ARC: [f64; 5] = [0.5, 0.25, 0.75, 0.05, 0.95];
 
-/// Where the elbow of an S-R-S arm stands.
+/// Position of the elbow of an S-R-S arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Elbow {
-    /// Which of the eight solutions.
+    /// Branch of the eight solutions.
     pub branch: Branch,
     /// Swivel angle.
     pub swivel: f64,
@@ -30,25 +30,25 @@ pub struct Elbow {
 pub struct Posture {
     /// Joint positions.
     pub q: JointVector,
-    /// For S-R-S arms.
+    /// Position of the elbow, for S-R-S arms.
     pub elbow: Option<Elbow>,
 }
 
 /// The arm's way of finding postures.
 #[derive(Debug)]
 pub enum PostureFinder {
-    /// In closed form, all over the redundancy.
+    /// Inverse kinematics in closed form, over the whole self-motion.
     Srs(SrsArm),
-    /// In closed form, without redundancy.
+    /// Inverse kinematics in closed form, without self-motion.
     ParallelAxes(ParallelAxesArm),
-    /// In closed form for each angle of the last joint.
+    /// Inverse kinematics in closed form for each angle of the last joint.
     SphericalShoulder(SphericalShoulderArm),
-    /// By iteration from several starts.
+    /// Inverse kinematics by iteration from several starts.
     Numerical,
 }
 
 impl PostureFinder {
-    /// For an arm.
+    /// Chooses the inverse kinematics of an arm.
     pub fn new(robot: &Robot) -> Self {
         let srs = SrsArm::of(robot).map(Self::Srs);
         let closed = srs.or_else(|| ParallelAxesArm::of(robot).map(Self::ParallelAxes));
@@ -56,7 +56,7 @@ impl PostureFinder {
         closed.unwrap_or(Self::Numerical)
     }
 
-    /// What it takes to look for the postures of a pose, in the units of the search's work.
+    /// Cost of finding the postures of a pose, in the units of the search's work.
     pub fn work(&self, thorough: bool) -> usize {
         match (self, thorough) {
             (Self::Srs(_) | Self::ParallelAxes(_), _) => 1,
@@ -67,8 +67,8 @@ impl PostureFinder {
         }
     }
 
-    /// Whether the gripper may hold an object at `X_WO` by a grasp at `X_OG` at all, as far as that is quick
-    /// to tell.
+    /// Returns whether the gripper may hold an object at `X_WO` by a grasp at `X_OG` at all, as far as a
+    /// quick test shows.
     pub fn may_reach(&self, X_WO: &Pose, ranges: &Ranges) -> impl Fn(&Pose) -> bool + use<> {
         let near = match self {
             Self::Srs(srs) => {

@@ -12,7 +12,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-/// Why a quadratic program has no solution.
+/// Reason for which a quadratic program has no solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ProgramFailure {
     /// No point keeps all bounds.
@@ -51,7 +51,7 @@ impl Row {
         Self { a, first, last, scale: 1.0 / a.norm() }
     }
 
-    /// Whether nothing enters it.
+    /// Returns whether the row is zero.
     pub fn is_zero(&self) -> bool {
         self.last == 0
     }
@@ -119,7 +119,8 @@ const TOLERANCE: f64 = 1e-12;
 /// A solution may break a bound by this at most, relative to the size of the bound.
 const RESIDUAL: f64 = 1e-6;
 
-/// Whether a solution keeps all bounds, the active ones too, from which rounding may have led it away.
+/// Returns whether a solution keeps all bounds, the active ones too, from which rounding may have led it
+/// away.
 fn keeps(x: &Variables, rows: &[Row], bounds: &[Bounds]) -> bool {
     rows.iter().zip(bounds).all(|(row, [low, high])| {
         let value = row.dot(x);
@@ -133,7 +134,7 @@ const DEPENDENT: f64 = 1e-7;
 
 /// The constraints that hold with equality, and what they leave free.
 struct ActiveSet<'a> {
-    /// Of all constraints, the equalities first.
+    /// Rows of all constraints, the equalities first.
     rows: &'a [Row],
     equalities: usize,
     /// Orthogonal transform of L⁻ᵀ: its first `count` columns span the active normals in the metric of H.
@@ -144,19 +145,19 @@ struct ActiveSet<'a> {
     /// |J|², which the transforms leave as it is.
     size: f64,
     indices: [usize; MAX_VARIABLES],
-    /// Of the normals, so that all constraints are lower bounds.
+    /// Signs of the normals, so that all constraints are lower bounds.
     signs: [f64; MAX_VARIABLES],
     count: usize,
 }
 
-/// Where a constraint can go.
+/// Step direction along which a constraint becomes active.
 struct Direction {
-    /// Its normal in the columns of J.
+    /// Normal of the constraint in the columns of J.
     d: Variables,
     /// Direction in x that keeps the active constraints, and aᵀz.
     z: Variables,
     curvature: f64,
-    /// How the multipliers of these change along it.
+    /// Change of the active constraints' multipliers along the direction.
     r: Variables,
 }
 
@@ -258,8 +259,8 @@ impl ActiveSet<'_> {
         longest
     }
 
-    /// Whether the normal of a constraint is the combination `r` of the active ones, but for rounding. Where
-    /// no multiplier can fall then, the constraints contradict each other (Farkas' lemma).
+    /// Returns whether the normal of a constraint is the combination `r` of the active ones, but for
+    /// rounding. Where no multiplier can fall then, the constraints contradict each other (Farkas' lemma).
     fn spans(&self, row: &Row, sign: f64, r: &Variables) -> bool {
         let mut rest = row.a * sign;
         for slot in 0..self.count {

@@ -1,11 +1,11 @@
-//! When the gripper of an arm that departs from its ready pose can be where, at the earliest.
+//! Earliest times at which the gripper of an arm that departs from its ready pose can be at each pose.
 //!
-//! A table over positions (10 cm) and orientations (54 directions of approach, 6 rolls about each) of the
-//! gripper, worked out by sampling before anything flies. A search asks it before any inverse kinematics.
-//! Times count from the departure at rest: what is within reach of a moving arm is within reach of one that
-//! had as long from the departure on, as motions can be joined. The table is no lower bound: samples are
-//! finite, so a pose may be reached up to [`SLACK_S`] sooner, and in fewer than two of a thousand cases by
-//! more.
+//! The map is a table over positions (10 cm) and orientations (54 directions of approach, 6 rolls about each)
+//! of the gripper, prepared by sampling before anything flies. A search looks poses up before any inverse
+//! kinematics. Times count from the departure at rest: a pose within reach of a moving arm is within reach of
+//! one that had as long from the departure on, as motions can be joined. The table is no lower bound: samples
+//! are finite, so a pose may be reached up to [`SLACK_S`] sooner, and in fewer than two of a thousand cases
+//! by more.
 
 mod sampling;
 
@@ -27,7 +27,7 @@ const ORIENTATIONS: usize = DIRECTIONS * ROLLS;
 /// Unit of the times in seconds, and the latest time that is told from never.
 const UNIT_S: f64 = 0.01;
 pub(super) const HORIZON_S: f64 = 1.3;
-/// What stands for never.
+/// Entry of poses that are never reached.
 const NEVER: u8 = u8::MAX;
 /// A pose that needs this much more than there is may still be reached, in seconds: samples are finite.
 pub const SLACK_S: f64 = 0.05;
@@ -42,7 +42,7 @@ pub struct ReachMap {
     ready_q: JointVector,
     grid: Grid,
     key: Vec<u8>,
-    /// By corner of the voxels, then orientation: the least of the eight voxels around it.
+    /// Earliest times by corner of the voxels, then orientation: the least of the eight voxels around it.
     times: Vec<u8>,
 }
 
@@ -103,7 +103,7 @@ fn orientation(X_WG: &Pose) -> usize {
     ((face * 3 + third(next)) * 3 + third(last)) * ROLLS + sextant(across, up)
 }
 
-/// Which sixth of a turn a direction is in, counted from −180° on.
+/// Number of the sixth of a turn in which a direction lies, counted from −180° on.
 fn sextant(x: f64, y: f64) -> usize {
     let at_60 = x * 3.0_f64.sqrt();
     if y >= 0.0 {
@@ -114,13 +114,13 @@ fn sextant(x: f64, y: f64) -> usize {
 }
 
 impl ReachMap {
-    /// Whether a search for `robot` is served by a map: where inverse kinematics does not tell at once of a
-    /// pose, over all redundancy, whether it can be reached.
+    /// Returns whether a search for `robot` uses a map: its inverse kinematics does not decide at once, over
+    /// the whole self-motion, whether a pose can be reached.
     pub fn serves(robot: &Robot) -> bool {
         !matches!(PostureFinder::new(robot), PostureFinder::Srs(_))
     }
 
-    /// For an arm that waits at its ready pose, worked out on one thread, which takes some seconds.
+    /// Computes the map of an arm that waits at its ready pose, on one thread, which takes some seconds.
     pub fn new(robot: &Robot) -> Self {
         let mut samples = ReachSamples::new(robot);
         (0..CHUNKS).for_each(|chunk| samples.draw(chunk));
@@ -135,12 +135,12 @@ impl ReachMap {
         if time == NEVER { f64::INFINITY } else { f64::from(time) * UNIT_S }
     }
 
-    /// Whether the gripper can be at `X_WG` so long after the departure, as far as samples tell.
+    /// Returns whether the gripper can be at `X_WG` so long after the departure, as far as samples show.
     pub fn is_in_time(&self, X_WG: &Pose, time_s: f64) -> bool {
         time_s > HORIZON_S - SLACK_S || self.least_time_s(X_WG) <= time_s + SLACK_S
     }
 
-    /// Whether an arm in this state has yet to depart from the ready pose.
+    /// Returns whether an arm in this state has yet to depart from the ready pose.
     pub fn departs_at(&self, start: &Start) -> bool {
         start.state.dq == JointVector::zeros() && (start.state.q - self.ready_q).amax() < SAME_RAD
     }

@@ -1,4 +1,4 @@
-//! What one joint can reach in a given time under its velocity and acceleration limits: exact and in closed
+//! Reachable set of one joint in a given time under its velocity and acceleration limits: exact and in closed
 //! form.
 //!
 //! With |q̇| ≤ V and |q̈| ≤ A, the positions that can be reached in time T form an interval, and for each of
@@ -32,19 +32,19 @@ impl Interval {
         (self.high - self.low) / 2.0
     }
 
-    /// Its values times `factor`.
+    /// Interval of the values times `factor`.
     pub fn scaled(&self, factor: f64) -> Self {
         let ends = [factor * self.low, factor * self.high];
         Self { low: ends[0].min(ends[1]), high: ends[0].max(ends[1]) }
     }
 
-    /// Whether nothing lies in it.
+    /// Returns whether the interval is empty.
     pub fn is_empty(&self) -> bool {
         self.low > self.high
     }
 }
 
-/// What a joint may do and where it starts from.
+/// Limits of a joint, its start velocity, and the time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReachableSet {
     /// Velocity at the start in rad/s, within ± `velocity`.
@@ -58,7 +58,7 @@ pub struct ReachableSet {
 }
 
 impl ReachableSet {
-    /// How far the joint can get: the interval of displacements in radians.
+    /// Interval of displacements that the joint can reach, in radians.
     pub fn displacements(&self) -> Interval {
         Interval { low: -self.mirrored().highest(), high: self.highest() }
     }

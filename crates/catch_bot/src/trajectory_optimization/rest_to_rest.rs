@@ -11,7 +11,7 @@ const VELOCITY_FRACTION: f64 = 0.5;
 const ACCELERATION_FRACTION: f64 = 0.3;
 /// Shortest duration in seconds.
 const SHORTEST_S: f64 = 0.3;
-/// How much longer each further try takes, and how many there are.
+/// Factor by which each further try takes longer, and number of tries.
 const SLOWER: f64 = 1.4;
 const TRIES: usize = 5;
 /// Control points of one motion, besides those that keep its ends at rest.

@@ -19,19 +19,19 @@ use crate::{
 
 /// Changes of the arm angle that are tried for the same catch, in this order, in radians.
 const ARM_ANGLES_RAD: [f64; 5] = [0.0, 0.2, -0.2, 0.4, -0.4];
-/// The same where the catch is shifted in time.
+/// Changes of the arm angle that are tried where the catch is shifted in time, in radians.
 const SHIFTED_ARM_ANGLES_RAD: [f64; 3] = [0.0, 0.2, -0.2];
-/// How much later a catch may be made where it cannot be made when it was meant to be, in seconds; negative
-/// for sooner. The object moves by some 50 mm in 10 ms.
+/// Shifts of the catch time that are tried where a catch cannot be made at its planned time, in seconds;
+/// negative for sooner. The object moves by some 50 mm in 10 ms.
 const SHIFTS_S: [f64; 6] = [0.01, -0.01, 0.02, -0.02, 0.04, 0.06];
 /// Fractions of a correction that are tried where the whole is too much.
 const CORRECTION_FRACTIONS: [f64; 3] = [0.75, 0.5, 0.25];
 /// Time for the gripper to obey, in seconds: an opening that it could not have reached by then is not asked
 /// for any more.
 const SETTLING_S: f64 = 0.05;
-/// What the hand is off by where not all of it can be corrected counts by axis of G: closing, approach and
-/// gap. What comes beside the grasp centre meets a finger. What the hand is off by along its approach makes
-/// the fingers close sooner or later.
+/// Weights of the hand's position error along the axes of G, closing, approach and gap, where not all of it
+/// can be corrected. An object beside the grasp centre meets a finger. An error along the approach makes the
+/// fingers close sooner or later.
 const SHIFTS: Vector3<f64> = Vector3::new(1.0, 0.1, 0.4);
 /// A turn about each of these counts as much as a shift along the closing direction by so many metres per
 /// radian.
@@ -40,10 +40,10 @@ const LEVERS_M: Vector3<f64> = Vector3::new(0.015, 0.025, 0.025);
 const DAMPING: f64 = 1e-5;
 /// A posture is much nearer if it leaves less than this fraction of what the hand is off by.
 const MUCH_NEARER: f64 = 0.75;
-/// What a posture may leave, in metres, if the approach is free with it.
+/// Largest position error that a posture may leave, in metres, if the approach is free with it.
 const NEAR_ENOUGH_M: f64 = 0.004;
 
-/// What a running catch is adjusted from, and to which flight.
+/// Start of the correction of a running catch, and the flight to which it is corrected.
 pub struct Correction<'a> {
     start: &'a Start,
     incoming: &'a Incoming<'a>,
@@ -55,7 +55,7 @@ pub struct Correction<'a> {
 }
 
 impl<'a> Correction<'a> {
-    /// Of this plan, with its catch at `catch_s`.
+    /// Correction of this plan, with its catch at `catch_s`.
     pub fn new(start: &'a Start, incoming: &'a Incoming<'a>, plan: &'a CatchPlan, catch_s: f64) -> Self {
         let local_flight = incoming.flight.local_flight_at(catch_s);
         let R_WO = local_flight.X_WO.rotation;
@@ -74,11 +74,11 @@ impl<'a> Correction<'a> {
 }
 
 impl CatchSearch {
-    /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close
-    /// by.
+    /// Corrects a catch for a flight that is predicted better: same time and grasp, the elbow in the same
+    /// position or close by.
     pub fn retarget(&self, to: &Correction) -> Option<CatchPlan> {
-        // What a motion leaves of the limits, the next replan can use: more is taken only where less does not
-        // do.
+        // The next replan can use the part of the limits that a motion leaves: more is taken only where less
+        // is not enough.
         let scaling =
             [0.0, 0.5, 1.0].map(|more| self.motion.replan_scaling().toward(self.motion.moving_scaling(), more));
         let found = scaling.iter().find_map(|scaling| self.adjusted(to, &to.X_WG(), *scaling, &ARM_ANGLES_RAD))?;
@@ -90,7 +90,8 @@ impl CatchSearch {
         Some(free.unwrap_or(found))
     }
 
-    /// The same grasp a little sooner or later, where the arm is in time and the object can come in.
+    /// Shifts the catch a little sooner or later with the same grasp, where the arm is in time and the
+    /// approach is free.
     pub fn shifted(&self, to: &Correction) -> Option<CatchPlan> {
         let Correction { start, incoming, plan, .. } = *to;
         let in_time = |later_s: &&f64| **later_s > 0.0 || plan.catch_s + **later_s > start.time_s + MIN_LEAD_S;
@@ -102,7 +103,7 @@ impl CatchSearch {
         })
     }
 
-    /// The same catch as near to the flight as the arm can still come.
+    /// Moves the catch as near to the flight as the arm can still come.
     pub fn nearest(&self, to: &Correction) -> Option<CatchPlan> {
         let scaling = self.motion.moving_scaling();
         let in_part = || {
@@ -115,8 +116,8 @@ impl CatchSearch {
         self.within_reach(to, much_nearer).next().or_else(in_part)
     }
 
-    /// The same catch in the nearest posture by each fraction of the joints' reach. Whether one is near
-    /// enough is asked with what the hand is off by in the plan's posture and in that one.
+    /// Adjusts the catch in the nearest posture by each fraction of the joints' reach. `is_near` decides
+    /// whether a posture is near enough, from the hand's errors in the plan's posture and in that one.
     fn within_reach(&self, to: &Correction, is_near: fn([f64; 2]) -> bool) -> impl Iterator<Item = CatchPlan> {
         let (wanted, motion) = (to.X_WG(), &self.motion);
         motion.config.reach_fractions.iter().filter_map(move |fraction| {
@@ -179,7 +180,7 @@ impl CatchSearch {
         })
     }
 
-    /// The same in this posture.
+    /// Adjusts the catch in this posture.
     fn at_posture(&self, to: &Correction, X_WG: &Pose, scaling: LimitScaling, posture: Posture) -> Option<CatchPlan> {
         let Correction { start, incoming, plan, local_flight, grasp } = to;
         let LocalFlight { time_s: catch_s, X_WO, V_WO, .. } = *local_flight;
@@ -198,9 +199,9 @@ impl CatchSearch {
         self.motion.is_safe(&found.trajectory, catch_s, grasp).then_some(found)
     }
 
-    /// The same plan with the opening that it had, or a narrower one for slow fingers, if that lets the
-    /// object in; else with the narrowest that does, or, where none does any more, the widest: it hits least.
-    /// Where it is too late to change the opening, it stays.
+    /// Chooses the aperture of the plan: as before, or narrower for slow fingers, if the approach is free
+    /// with it; else the narrowest with a free approach, or, where there is none any more, the widest: it
+    /// hits least. The aperture stays where it is too late to change it.
     pub fn opened(&self, plan: CatchPlan, to: &Correction) -> CatchPlan {
         let (incoming, local_flight, had_m) = (to.incoming, &to.local_flight, to.plan.aperture_m);
         // Slow fingers come nearer as the flight is known better.

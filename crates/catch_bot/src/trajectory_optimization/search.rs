@@ -38,7 +38,7 @@ use pass::Pass;
 use reach::Reach;
 pub use settings::{REACH_FRACTION, Weights};
 
-/// Where the catch times of the passes lie, in fractions of the step between them.
+/// Offsets of the passes' catch times, in fractions of the step between them.
 const OFFSETS: [f64; 8] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
 /// Passes that make up a search. In the second round what got as far as the approach or a motion is tried a
 /// little sooner and later, too (`NEARBY_S`).
@@ -46,12 +46,12 @@ pub const PASSES: usize = 2 * OFFSETS.len();
 /// The work of a posture and of an arrival, in the units of [`Config::max_work`](super::Config::max_work).
 const WORK_OF_A_POSTURE: usize = 3;
 const WORK_OF_A_TERMINAL_VELOCITY: usize = 10;
-/// That of an approach, of a motion, and of its openings.
+/// The work of an approach, of a motion, and of its apertures.
 const WORK_OF_AN_APPROACH: usize = 5;
 const WORK_OF_A_MOTION: usize = 80;
 const WORK_OF_APERTURES: usize = 30;
 
-/// How fast a hand may be expected to follow across its approach, in m/s, before its posture is known;
+/// Expected speed at which a hand can follow across its approach, in m/s, before its posture is known;
 /// chosen.
 const EXPECTED_ACROSS_MPS: f64 = 0.5;
 
@@ -63,17 +63,17 @@ pub(super) struct ReachableCatch {
     pub X_WG: Pose,
     pub posture: Posture,
     pub cost: f64,
-    /// What of it the grasp's heuristics are for a gripper that stands still, without the velocity.
+    /// Part of the cost from the grasp's heuristics for a gripper that stands still, without the velocity.
     pub still_cost: f64,
 }
 
-/// What a search is about, and what it has met.
+/// State of a search: its inputs and its intermediate results.
 struct Search<'a> {
     start: &'a Start,
     incoming: &'a Incoming<'a>,
-    /// What can be reached when, if that is known for where the arm departed from.
+    /// Earliest times of the gripper's poses, if they are known for the pose from which the arm departed.
     reach: Option<Reach<'a>>,
-    /// What was last in the way into each grasp.
+    /// Obstacle that blocked the approach of each grasp last.
     obstacles: Vec<Obstacle>,
     /// The work that has been done.
     work: usize,
@@ -97,9 +97,9 @@ impl CatchSearch {
         Err(failure)
     }
 
-    /// As many of the passes that make up the [search](Self::search) as a bounded amount of work allows, from
-    /// number `pass` on, which is counted up by those that found nothing. A flight that nothing catches at
-    /// first is searched once more with every new image. `departure_s` is when the arm
+    /// Runs as many passes of the [search](Self::search) as a bounded amount of work allows, from number
+    /// `pass` on, which is counted up by those that found nothing. A flight that nothing catches at first is
+    /// searched once more with every new image. `departure_s` is the time at which the arm
     /// [departed](Self::departure_s) from the ready pose, if it did and has not stood still anywhere else
     /// since.
     ///
@@ -135,8 +135,8 @@ impl CatchSearch {
         Search { start, incoming, reach, obstacles, work: 0 }
     }
 
-    /// What tells how well an object will be held: its grasp's heuristics, how it comes in, at `v_G` relative
-    /// to the gripper and in G, and how fast the gripper turns.
+    /// Cost that rates how well an object will be held: its grasp's heuristics, its velocity relative to the
+    /// gripper, `v_G` in G, and the gripper's angular speed.
     fn holding_cost(&self, incoming: &Incoming, still_cost: f64, v_G: &Vector3<f64>, spin_radps: f64) -> f64 {
         let weights = &self.motion.config.weights;
         let (speed_mps, direction) = (v_G.norm(), v_G.try_normalize(1e-6).unwrap_or_default());
@@ -146,7 +146,7 @@ impl CatchSearch {
             + weights.spin * spin_radps
     }
 
-    /// The same for a gripper at `X_WG` that moves.
+    /// Holding cost for a gripper at `X_WG` that moves.
     fn holding_cost_moving(
         &self,
         incoming: &Incoming,

@@ -10,10 +10,10 @@ use crate::{
     trajectory_prediction::LocalFlight,
 };
 
-/// How long and how far before the catch the object's way into the gripper is checked, and in how many
-/// stretches: over 5 ms a point's way in G is straight to 0.1 mm. While the fingers close a touch does little
-/// harm: there the ends of the stretches alone are checked, until they should touch, at the catch at the
-/// latest.
+/// Time and distance before the catch over which the object's approach to the gripper is checked, and number
+/// of stretches: over 5 ms a point's path in G is straight to 0.1 mm. While the fingers close a contact does
+/// little harm: there the ends of the stretches alone are checked, until the fingers should touch the object,
+/// at the catch at the latest.
 const APPROACH_S: f64 = 0.08;
 const APPROACH_M: f64 = 0.15;
 const STRETCHES: usize = 16;
@@ -28,8 +28,8 @@ pub(super) struct Entering<'a> {
     pub grasp: &'a Grasp,
 }
 
-/// What stood in an object's way when it was last looked at. It is looked at first the next time: what is in
-/// the way of one motion mostly is in that of the next, too.
+/// Obstacle on the object's approach that was found last. It is checked first the next time: an obstacle to
+/// one motion mostly is one to the next, too.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Obstacle {
     /// The point of its outline that touched the gripper on a straight way.
@@ -40,7 +40,7 @@ pub(super) struct Obstacle {
 }
 
 impl CatchSearch {
-    /// Whether the object can come into a gripper that is fully open and does not turn, at `v_GO` in G,
+    /// Returns whether the object can enter a gripper that is fully open and does not rotate, at `v_GO` in G,
     /// without touching it.
     pub(super) fn straight_approach_is_free(
         &self,
@@ -89,8 +89,8 @@ impl CatchSearch {
         }
     }
 
-    /// How far apart slow fingers wait for an object that is to be held at `X_WG`, not wider than the grasp's
-    /// own opening; `None` for fast ones.
+    /// Aperture at which slow fingers wait for an object that is to be held at `X_WG`, in metres, not wider
+    /// than the grasp's own; `None` for fast ones.
     pub(super) fn pre_closed_m(&self, X_WG: &Pose, entering: &Entering) -> Option<f64> {
         let Entering { incoming, local_flight, grasp } = *entering;
         let sd_m = || {
@@ -102,9 +102,9 @@ impl CatchSearch {
         Some((grasp.object_width_m + 2.0 * margin_m).min(grasp.aperture_m))
     }
 
-    /// Whether there is such an opening if the gripper passes through `X_WG` at the catch as
-    /// `terminal_velocity` wants it to, at an even velocity: most motions that would fail in the end are told
-    /// from that alone.
+    /// Returns whether the approach is free with some aperture if the gripper passes through `X_WG` at the
+    /// catch as `terminal_velocity` wants it to, at an even velocity: that alone rejects most motions that
+    /// would fail in the end.
     pub(super) fn approach_is_free(
         &self,
         X_WG: &Pose,
@@ -140,7 +140,7 @@ impl CatchSearch {
         apertures.iter().copied().find(|open_m| {
             let travel_m = open_m - grasp.object_width_m;
             let standing_s = lead_s + closing.duration_s(travel_m);
-            // How far the fingers have closed by then; toward the end less and less space is left on purpose.
+            // The hand with the aperture at that time; toward the end less and less space is left on purpose.
             let hand = |before_s: f64| {
                 let width_m = grasp.object_width_m + closing.remaining_m(travel_m, before_s - lead_s);
                 let margin_m = config.approach_margin_m.min((width_m - grasp.object_width_m) / 4.0);
@@ -229,8 +229,8 @@ impl Hand {
     }
 }
 
-/// Whether a straight way passes through a box about the origin: its parts between each pair of faces must
-/// have one in common (Kay & Kajiya, Ray tracing complex scenes, 1986).
+/// Returns whether a line segment passes through a box about the origin: its parts between each pair of faces
+/// must have one in common (Kay & Kajiya, Ray tracing complex scenes, 1986).
 fn segment_meets(half: &Vector3<f64>, start: &Vector3<f64>, end: &Vector3<f64>) -> bool {
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
     for axis in 0..3 {
@@ -252,7 +252,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Against points along the way.
+        /// Compares the test of a segment with points along it.
         #[test]
         fn a_way_meets_a_box_where_one_of_its_points_is_inside(
             from in prop::array::uniform3(-0.3f64..0.3), way in prop::array::uniform3(-0.5f64..0.5),

@@ -25,13 +25,13 @@ use super::{
     reachability::Interval,
 };
 
-/// What counts among the joint velocities that keep the direction.
+/// Weights of the choice among the joint velocities that keep the direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weights {
-    /// On the speed fraction's distance from its best, a.
+    /// Weight of the speed fraction's distance from its best, a.
     pub speed: f64,
-    /// On the square of the gripper's angular velocity, b; a gripper that turns at 3 rad/s is 33 mm off the
-    /// flight line 60 ms before the catch.
+    /// Weight of the square of the gripper's angular velocity, b; a gripper that rotates at 3 rad/s is 33 mm
+    /// off the flight line 60 ms before the catch.
     pub spin: f64,
     /// Keeps the program strictly convex along the redundancy, ε.
     pub damping: f64,
@@ -46,19 +46,20 @@ impl Weights {
     pub const FASTEST: Self = Self { speed: 1e6, spin: 0.01, damping: 1e-3 };
 }
 
-/// How the hand follows the object: weights on the square of what is left along each axis of G, per (m/s)².
+/// Weights with which the hand follows the object: on the square of the remaining relative velocity along
+/// each axis of G, per (m/s)².
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Following {
-    /// Along the direction of closing, x.
+    /// Weight along the direction of closing, x.
     pub closing: f64,
-    /// Along the approach, y.
+    /// Weight along the approach, y.
     pub approach: f64,
     /// Across the gap, z.
     pub gap: f64,
 }
 
 impl Following {
-    /// What moves toward a finger counts most. Chosen on 600 throws of `honest`.
+    /// Default weights: a velocity toward a finger counts most. Chosen on 600 throws of `honest`.
     pub const DEFAULT: Self = Self { closing: 8.0, approach: 0.8, gap: 0.8 };
 }
 
@@ -69,14 +70,14 @@ pub struct TerminalVelocity {
     pub dq: JointVector,
     /// Velocity of the grasp centre in W, in m/s.
     pub v_WG: Vector3<f64>,
-    /// Its part along the object's velocity, as a fraction of that.
+    /// Part of that velocity along the object's, as a fraction of the object's velocity.
     pub speed_fraction: f64,
     /// Angular velocity of the gripper in rad/s.
     pub w_WG: Vector3<f64>,
 }
 
 impl TerminalVelocity {
-    /// The same motion at another speed.
+    /// Scales the motion to another speed.
     pub fn scaled(&self, by: f64) -> Self {
         let Self { dq, v_WG, speed_fraction, w_WG } = self;
         Self { dq: dq * by, v_WG: v_WG * by, speed_fraction: speed_fraction * by, w_WG: w_WG * by }

@@ -34,7 +34,7 @@ impl AerodynamicForces {
         lift_W.cross(v_WO) - across * v_WO.norm()
     }
 
-    /// Whether there are any.
+    /// Returns whether there are any such forces.
     pub fn any(&self) -> bool {
         *self != Self::default()
     }

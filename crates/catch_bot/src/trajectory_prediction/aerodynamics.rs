@@ -1,12 +1,12 @@
-//! What is found of an object along with its flight: drag by direction, a force across the flight, and its
-//! centre of mass.
+//! Estimation of an object's aerodynamics along with its flight: drag by direction, a force across the
+//! flight, and its centre of mass.
 //!
 //! a = g − k·|v|·v + f with f = −|v|·R·E·Rᵀ·v + (c_M·ω + s)×v: E is symmetric, without trace and fixed to the
-//! object, and has the symmetry that the object looks to have; c_M is the Magnus coefficient, and s that
-//! times the part of the spin that cannot be seen, about the axis of a body of revolution or about any of a
-//! ball. What flies so is the centre of mass, at c in O (on the axis of a body of revolution). The
-//! orientations of the poses are taken as they are, and velocities and angular velocities as fitted before,
-//! so that position, velocity, k, E, c_M, s and c follow from one linear problem with Gaussian priors.
+//! object, and has the symmetry of its shape; c_M is the Magnus coefficient, and s that times the part of the
+//! spin that cannot be seen, about the axis of a body of revolution or about any of a ball. This is the
+//! motion of the centre of mass, at c in O (on the axis of a body of revolution). The orientations of the
+//! poses are taken as they are, and velocities and angular velocities as fitted before, so that position,
+//! velocity, k, E, c_M, s and c follow from one linear problem with Gaussian priors.
 
 use catch_body::{dynamics::gravity, quantity};
 use nalgebra::{Cholesky, Const, Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
@@ -19,7 +19,7 @@ use super::{
 };
 use crate::perception::{ObjectPose, Symmetry};
 
-/// What is expected of the forces. Zero by default: there are none.
+/// Prior of the forces. Zero by default: there are none.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AerodynamicPrior {
@@ -30,7 +30,7 @@ pub struct AerodynamicPrior {
     /// Magnus coefficient c_M that is expected.
     #[serde(deserialize_with = "quantity::magnus")]
     pub magnus: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the Magnus coefficient.
     #[serde(deserialize_with = "quantity::magnus")]
     pub magnus_sd: f64,
     /// Standard deviation of each component of s, in rad/s. Where no Magnus coefficient is expected, s is the
@@ -40,13 +40,13 @@ pub struct AerodynamicPrior {
     /// Decay c of the spin that is expected, ω̇ = −c·ω, in 1/s.
     #[serde(deserialize_with = "quantity::decay_per_s")]
     pub spin_decay_per_s: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the spin's decay, in 1/s.
     #[serde(deserialize_with = "quantity::decay_per_s")]
     pub spin_decay_sd_per_s: f64,
 }
 
 impl AerodynamicPrior {
-    /// Whether any forces are expected.
+    /// Returns whether any forces are expected.
     pub fn any(&self) -> bool {
         self.drag_deviation_sd_per_m > 0.0 || self.magnus > 0.0 || self.magnus_sd > 0.0 || self.lift_sd_radps > 0.0
     }
@@ -61,10 +61,10 @@ const DEVIATION: usize = 7;
 const LIFT: usize = DEVIATION + E;
 const MAGNUS: usize = LIFT + 3;
 const COM: usize = MAGNUS + 1;
-/// Those on which accelerations depend.
+/// Number of the parameters on which accelerations depend.
 const FORCES: usize = COM - DRAG;
-/// How much less of E is expected beside the principal axes of inertia than along them: where shape and mass
-/// have planes of symmetry, there is none.
+/// Ratio of E's standard deviation beside the principal axes of inertia to that along them: where shape and
+/// mass have planes of symmetry, there is none.
 const ACROSS: f64 = 0.2;
 /// Passes of reweighting, and the error in scaled standard deviations at which a weight has fallen to a
 /// quarter.
@@ -105,14 +105,14 @@ fn centres(symmetry: &Symmetry) -> Matrix3<f64> {
     }
 }
 
-/// How s depends on its parameters, at an orientation of the object.
+/// Dependence of s on its parameters, at an orientation of the object.
 #[derive(Debug, Clone, Copy)]
 enum UnseenSpin {
     /// Fixed in W: the parameters are its components.
     World,
-    /// Along an axis in O: the first parameter is its length.
+    /// The spin is along an axis in O: the first parameter is its length.
     Along(Unit<Vector3<f64>>),
-    /// There is none.
+    /// There is no unseen spin.
     None,
 }
 
@@ -129,13 +129,13 @@ impl UnseenSpin {
     }
 }
 
-/// Which parameters an object has, by its symmetry.
+/// Model of an object's parameters, by its symmetry.
 struct Model<'a> {
     config: &'a Config,
     basis: [Matrix3<f64>; E],
     centres: Matrix3<f64>,
     unseen: UnseenSpin,
-    /// Whether the spin that is seen may make lift.
+    /// True if the spin that is seen may cause lift.
     has_lift: bool,
 }
 
@@ -156,7 +156,8 @@ impl<'a> Model<'a> {
         Self { config, basis: deviations(symmetry), centres: centres(symmetry), unseen, has_lift }
     }
 
-    /// At an orientation, a velocity and an angular velocity; of the unseen spin, `left` has not decayed.
+    /// Accelerations by each parameter, at an orientation, a velocity and an angular velocity; of the unseen
+    /// spin, `left` has not decayed.
     fn accelerations(&self, R_WO: &UnitQuaternion<f64>, v: &Vector3<f64>, w: &Vector3<f64>, left: f64) -> ByForces {
         let mut by = ByForces::zeros();
         by.set_column(0, &(v * -v.norm()));
@@ -204,7 +205,7 @@ impl<'a> Model<'a> {
         newest
     }
 
-    /// What is expected of the parameters, and the information that this is.
+    /// Prior mean of the parameters, and their prior information.
     fn prior(&self) -> (Parameters, Parameters) {
         let AerodynamicPrior { drag_deviation_sd_per_m, magnus, magnus_sd, lift_sd_radps, .. } =
             self.config.aerodynamics;
@@ -370,7 +371,7 @@ fn of_position(pose: &ObjectPose) -> Matrix3<f64> {
 mod tests {
     use super::*;
 
-    /// Whatever was found, a flight loses energy to the air, but for what noise may be.
+    /// An estimated flight loses energy to the air, whatever was found, but for noise.
     #[test]
     fn air_brakes_in_all_directions() {
         for deviation in [Vector3::new(-10.0, 4.0, 6.0), Vector3::new(0.5, -0.1, -0.4), Vector3::new(3.0, 3.0, -6.0)] {

@@ -14,8 +14,8 @@ use super::process_noise::add_product;
 /// Correlation time τ of the errors, in seconds: they change as slowly as a thrown object comes nearer.
 const CORRELATION_TIME_S: f64 = 0.1;
 
-/// What correlated errors eᵢ of the positions, a first-order Gauss–Markov process along each axis, do to the
-/// right-hand side Σ Aᵢ·eᵢ of normal equations, Aᵢ = Jᵢᵀ·Wᵢ.
+/// Contribution of correlated errors eᵢ of the positions, a first-order Gauss–Markov process along each axis,
+/// to the right-hand side Σ Aᵢ·eᵢ of normal equations, Aᵢ = Jᵢᵀ·Wᵢ.
 ///
 /// Its covariance is Σᵢⱼ σᵢ·σⱼ·e^(−|tᵢ − tⱼ|/τ)·Aᵢ·Aⱼᵀ. With Sᵢ = σᵢ·Aᵢ + e^(−|tᵢ − tᵢ₋₁|/τ)·Sᵢ₋₁ that is Σᵢ
 /// (Sᵢ − ½·σᵢ·Aᵢ)·σᵢ·Aᵢᵀ and its transpose.
@@ -58,7 +58,7 @@ impl<const N: usize> CorrelatedSums<N> {
         add_product(&mut self.half, &-columns, gain);
     }
 
-    /// What it adds to the covariance H⁻¹ of the solution.
+    /// Contribution of these errors to the covariance of the solution, with H⁻¹ as `inverse`.
     pub fn covariance(&self, inverse: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
         inverse * (self.half + self.half.transpose()) * inverse
     }
@@ -82,7 +82,7 @@ mod tests {
         Vector3::new(1.0 + i as f64, 0.3, -0.5)
     }
 
-    /// Against the sum over all pairs of poses.
+    /// Compares with the sum over all pairs of poses.
     #[test]
     fn sums_are_those_over_all_pairs() {
         let ages_s = [0.5, 0.45, 0.3, 0.1, 0.0];
@@ -100,7 +100,7 @@ mod tests {
         assert!((covariance - expected).amax() < 1e-12 * expected.amax(), "{covariance} {expected}");
     }
 
-    /// Where errors reach some parameters alone, the sums of these are all there is.
+    /// Sums of some parameters are all there is if errors reach these alone.
     #[test]
     fn sums_of_some_parameters_are_those_of_all() {
         const FEW: usize = 5;

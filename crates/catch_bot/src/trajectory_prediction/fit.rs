@@ -81,13 +81,13 @@ struct Problem<'a> {
     newest_s: f64,
     symmetry: &'a Symmetry,
     inertia: Option<Matrix3<f64>>,
-    /// Those of the flight from which the fit starts.
+    /// Forces of the flight from which the fit starts.
     forces: AerodynamicForces,
     freedom: f64,
     config: &'a Config,
 }
 
-/// What is known of a fitted flight.
+/// Statistics of a fitted flight.
 struct Conclusion {
     covariance: SMatrix<f64, N, N>,
     error_scale: f64,
@@ -95,7 +95,7 @@ struct Conclusion {
 }
 
 impl Problem<'_> {
-    /// Whether orientations are seen.
+    /// Returns whether the object's orientation can be seen.
     fn turns(&self) -> bool {
         !matches!(self.symmetry, Symmetry::Sphere)
     }
@@ -175,7 +175,7 @@ impl Problem<'_> {
         let force = |motion: &Motion, tumbling: &Tumbling| {
             self.forces.acceleration_mps2(&tumbling.R_WO, &motion.v, &tumbling.w_WO(), tumbling.left)
         };
-        // How far the forces have moved the object, and their part of its velocity.
+        // Displacement of the object by the forces, and their part of its velocity.
         let (mut pushed_m, mut pushed_mps) = (Vector3::zeros(), Vector3::zeros());
         let mut agreeing = 0;
         for (age, pose) in self.poses.iter().rev().enumerate().filter(|(_, pose)| is_finite(pose)) {

@@ -1,4 +1,4 @@
-//! How a flight goes on: gravity, quadratic drag and free rotation.
+//! Propagation of a flight: gravity, quadratic drag and free rotation.
 
 use catch_body::{Pose, Twist, dynamics::gravity};
 use nalgebra::{Matrix3, Matrix6, Point3, SMatrix, UnitQuaternion, Vector3};
@@ -15,7 +15,7 @@ pub struct FlightTrajectory {
     /// [`pose_at`](Self::pose_at)'s. In files it is `p_WO`.
     #[serde(rename = "p_WO")]
     pub p_WOcm: Point3<f64>,
-    /// Its velocity in W, in m/s. In files it is `v_WO`.
+    /// Velocity of the centre of mass in W, in m/s. In files it is `v_WO`.
     #[serde(rename = "v_WO")]
     pub v_WOcm: Vector3<f64>,
     /// Orientation in W.
@@ -49,22 +49,22 @@ pub struct FlightTrajectory {
     /// Covariance of (p, v, f) with f, the acceleration by these forces, at `time_s`.
     #[serde(default)]
     pub force_covariance: SMatrix<f64, 9, 3>,
-    /// What no model of the flight knows; part of every covariance after `time_s`.
+    /// Process noise that no model of the flight covers; part of every covariance after `time_s`.
     #[serde(default)]
     pub process_noise: ProcessNoise,
     /// Poses that agree with it.
     pub inliers: usize,
     /// Poses that were looked at.
     pub considered: usize,
-    /// How much larger the poses' errors are than their information says (1: as told).
+    /// Ratio of the poses' errors to those that their information states (1: as stated).
     pub error_scale: f64,
 }
 
 /// Longest step of the integration. At 10 m/s and a drag constant of 0.2 1/m its error stays below 10 nm over
 /// a second.
 const STEP_S: f64 = 0.02;
-/// The same with forces that depend on the orientation: at 25 rad/s a quarter of a radian, and an error of a
-/// tenth of a millimetre.
+/// Longest step of the integration with forces that depend on the orientation: at 25 rad/s a quarter of a
+/// radian, and an error of a tenth of a millimetre.
 const PUSHED_STEP_S: f64 = 0.01;
 /// Most steps, so that absurd times cost no more than wrong answers.
 const MAX_STEPS: f64 = 500.0;
@@ -172,7 +172,7 @@ impl FlightPropagator {
         self.motion.p.into()
     }
 
-    /// The same with forces that depend on the orientation, by the midpoint rule.
+    /// Propagates with forces that depend on the orientation, by the midpoint rule.
     fn pushed_to(&mut self, time_s: f64) -> Point3<f64> {
         self.tumbling = self.tumbling.after(self.moved_s - self.turned_s, false);
         let steps = ((time_s - self.moved_s).abs() / PUSHED_STEP_S).ceil().min(MAX_STEPS);
@@ -212,7 +212,7 @@ impl FlightPropagator {
 }
 
 impl FlightTrajectory {
-    /// To be followed from its own time on, forward or back.
+    /// Propagator that follows the flight from its own time on, forward or back.
     pub fn propagator(&self) -> FlightPropagator {
         FlightPropagator {
             drag_per_m: self.drag_per_m,
@@ -225,7 +225,7 @@ impl FlightTrajectory {
         }
     }
 
-    /// Its rotation, from its own time on.
+    /// Rotation of the object, from the flight's own time on.
     pub(super) fn tumbling(&self) -> Tumbling {
         Tumbling::new(self.R_WO, &self.w_WO, self.inertia_per_kg.as_ref()).decaying(self.spin_decay_per_s)
     }
@@ -264,7 +264,7 @@ impl FlightTrajectory {
         transition.fixed_view_mut::<3, 4>(3, 3).copy_from(&motion.dv);
         let mut covariance = transition * self.covariance * transition.transpose();
         if self.forces.any() {
-            // What is not known of the forces goes on as a constant acceleration.
+            // The error of the forces continues as a constant acceleration.
             let t = time_s - self.time_s;
             let mut by_force = SMatrix::<f64, 6, 3>::zeros();
             by_force.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(t * t / 2.0);

@@ -34,8 +34,8 @@ pub struct Config {
     /// Drag constant k that is expected, in 1/m; zero if it is not set.
     #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_prior_per_m: Option<f64>,
-    /// Its standard deviation. Zero, as in the paper's simulator: there is no drag, or exactly as much as
-    /// expected; so it is if it is not set.
+    /// Standard deviation of the expected drag constant, in 1/m; zero if it is not set. Zero, as in the
+    /// paper's simulator, means that the drag is exactly as expected.
     #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_prior_sd_per_m: Option<f64>,
     /// Standard deviation of each component of the angular velocity around zero before anything is seen,
@@ -57,9 +57,9 @@ pub struct Config {
     pub com_sd_m: Option<f64>,
     /// Forces that depend on orientation and spin. None are expected by default.
     pub aerodynamics: AerodynamicPrior,
-    /// What no model of the flight knows. None by default, as in the paper's simulator.
+    /// Disturbances that no model of the flight covers. None by default, as in the paper's simulator.
     pub process_noise: ProcessNoise,
-    /// Which poses are looked at. No setting of a file: tracks that hold few or noisy points have others.
+    /// Poses that are considered. No setting of a file: tracks that hold few or noisy points have others.
     #[serde(skip)]
     pub considered: Considered,
 }
@@ -80,7 +80,7 @@ impl Default for Config {
     }
 }
 
-/// Which poses of a throw a flight is found from, and which of them agree with it.
+/// Poses of a throw from which a flight is found, and tolerances within which poses agree with it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Considered {
     /// Poses before there is a first flight.
@@ -107,7 +107,7 @@ impl Config {
         self.drag_prior_per_m.unwrap_or_default()
     }
 
-    /// Its standard deviation.
+    /// Standard deviation of the expected drag constant, in 1/m.
     fn drag_sd_per_m(&self) -> f64 {
         self.drag_prior_sd_per_m.unwrap_or_default()
     }
@@ -125,7 +125,7 @@ impl Config {
     }
 }
 
-/// Why there is no flight.
+/// Reason for which there is no flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PredictionStatus {
@@ -152,7 +152,7 @@ pub trait FlightPredictor {
         previous: Option<&FlightTrajectory>,
     ) -> Result<FlightTrajectory, PredictionStatus>;
 
-    /// How often its arithmetic failed in this throw; zero where the method does not count.
+    /// Number of numerical failures in this throw; zero where the method does not count.
     fn numerical_failures(&self) -> u32 {
         0
     }
@@ -199,7 +199,7 @@ pub struct InformationFit {
 }
 
 impl InformationFit {
-    /// For an object of some symmetry; poses are sampled at random by `seed`.
+    /// Creates the predictor for an object of some symmetry; poses are sampled at random by `seed`.
     pub fn new(config: Config, symmetry: Symmetry, seed: u64) -> Self {
         let (fit, ransac) = (fit::Scratch::default(), ransac::Scratch::default());
         Self { config, symmetry, seed, failures: 0, fit, ransac, about_com: Vec::new(), rows: Vec::new() }
@@ -293,7 +293,7 @@ impl FlightPredictor for InformationFit {
     }
 }
 
-/// What the drag constant can be found to be, in 1/m. Air brakes: what is below zero is noise.
+/// Least drag constant that a fit may find, in 1/m. Air brakes: values below zero are noise.
 const LEAST_DRAG_PER_M: f64 = -0.02;
 const MOST_DRAG_PER_M: f64 = 1.0;
 /// A fit is much better than another if its errors are less than this fraction.

@@ -21,7 +21,7 @@ pub struct ProcessNoise {
 }
 
 impl ProcessNoise {
-    /// Whether there is any.
+    /// Returns whether there is any noise.
     pub fn any(&self) -> bool {
         self.acceleration > 0.0 || self.angular_acceleration > 0.0
     }
@@ -88,8 +88,8 @@ pub(super) fn add_product<const N: usize>(M: &mut SMatrix<f64, N, N>, A: &SMatri
     }
 }
 
-/// What of eᵀ·W·e the noise accounts for that has displaced an object since a pose of this age: of the
-/// information it leaves (W⁻¹ + Q)⁻¹ = W − W·(Q⁻¹ + W)⁻¹·W, with Q = q²·τ³/3.
+/// Part of eᵀ·W·e that is explained by the noise that has displaced an object since a pose of this age: of
+/// the information it leaves (W⁻¹ + Q)⁻¹ = W − W·(Q⁻¹ + W)⁻¹·W, with Q = q²·τ³/3.
 pub(super) fn lost_square(W: &Matrix3<f64>, e: &Vector3<f64>, density: f64, age_s: f64) -> f64 {
     let variance = density.powi(2) * age_s.powi(3) / 3.0;
     if variance <= 0.0 {
@@ -104,7 +104,8 @@ pub(super) fn lost_square(W: &Matrix3<f64>, e: &Vector3<f64>, density: f64, age_
 mod tests {
     use super::*;
 
-    /// Against the impulse as three more parameters, of which the least squares solution keeps the others.
+    /// Compares with the impulse as three more parameters, of which the least squares solution keeps the
+    /// others.
     #[test]
     fn an_impulse_leaves_what_its_elimination_leaves() {
         const N: usize = 8;
@@ -113,7 +114,7 @@ mod tests {
         let seen = SVector::<f64, 12>::from_fn(|i, _| libm::cos(5.0 * i as f64));
         let (age_s, variance) = (0.3, 0.07);
         let (mut H, mut g) = (rows.transpose() * rows, -rows.transpose() * seen);
-        // What was seen depends on x − Γ·u.
+        // The observations depend on x − Γ·u.
         let mut by_impulse = SMatrix::<f64, N, 3>::zeros();
         by_impulse.fixed_view_mut::<3, 3>(1, 0).fill_diagonal(age_s);
         by_impulse.fixed_view_mut::<3, 3>(5, 0).fill_diagonal(1.0);

@@ -14,19 +14,19 @@ pub struct Scratch {
     turn_rates: [Vec<f64>; 3],
 }
 
-/// How a sampled flight rotates.
+/// Model of a sampled flight's rotation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rotation {
-    /// As a free rigid body, at the median of the rates between neighbouring poses. Poses agree by their
-    /// positions alone: the shortest rotation between the two poses of a tumbling object is often not the way
-    /// it rotated.
+    /// Rotation of a free rigid body, at the median of the rates between neighbouring poses. Poses agree by
+    /// their positions alone: the shortest rotation between the two poses of a tumbling object is often not
+    /// the way it rotated.
     Free,
-    /// At a constant rate by the shortest rotation between its two poses, to which the other poses must agree
-    /// (paper).
+    /// Rotation at a constant rate by the shortest rotation between its two poses, to which the other poses
+    /// must agree (paper).
     Constant,
 }
 
-/// Which of several flights that as many poses agree with is the best.
+/// Choice among several flights with which equally many poses agree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TieBreak {
     /// The one from which the poses' mean squared distance is the least (the paper's text).
@@ -35,16 +35,16 @@ pub enum TieBreak {
     Sum,
 }
 
-/// How flights are sampled and compared.
+/// Parameters for sampling and comparing flights.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sampling {
-    /// How a sampled flight rotates.
+    /// Model of a sampled flight's rotation.
     pub rotation: Rotation,
-    /// Which of several flights is the best.
+    /// Choice among flights with equally many inliers.
     pub ties: TieBreak,
     /// Two-pose flights that are sampled at most, [`SAMPLES`] at least.
     pub most: usize,
-    /// Of the generator that draws them.
+    /// Seed of the generator that draws them.
     pub seed: u64,
 }
 
@@ -54,8 +54,8 @@ pub const SAMPLES: usize = 20;
 const INLIER_RAD: f64 = 0.1;
 
 impl Sampling {
-    /// With 40 % outliers one start in 7,000 sees no good pair in 20 samples, so sampling goes on until a
-    /// better pair can hardly have been missed.
+    /// Sampling of our method: with 40 % outliers one start in 7,000 sees no good pair in 20 samples, so
+    /// sampling goes on until a better pair can hardly have been missed.
     pub const OURS: Self = Self { rotation: Rotation::Free, ties: TieBreak::MeanSquare, most: 500, seed: 0 };
 }
 
@@ -95,8 +95,7 @@ pub fn best_flight(
     if rotation == Rotation::Free {
         flight.w_WO = typical_spin(poses, &flight, symmetry, config, &mut scratch.turn_rates);
     }
-    // What can be said of its uncertainty without a fit: two points, each as far off as the inliers on
-    // average.
+    // Estimate of its uncertainty without a fit: two points, each as far off as the inliers on average.
     let variance = mean_square_m2 / 3.0;
     let seen_s = (poses[poses.len() - 1].capture_s - poses[0].capture_s).abs().max(1e-3);
     for i in 0..3 {
@@ -111,8 +110,8 @@ pub fn best_flight(
 /// Probability that sampling stops before it has seen a pair of inliers.
 const MISS: f64 = 1e-6;
 
-/// Whether `samples` pairs are enough when a fraction w of the poses agrees with the best: (1 − w²)^samples ≤
-/// [`MISS`].
+/// Returns whether `samples` pairs are enough when a fraction w of the poses agrees with the best: (1 −
+/// w²)^samples ≤ [`MISS`].
 fn enough(samples: usize, inliers: usize, poses: usize) -> bool {
     let fraction = inliers as f64 / poses as f64;
     samples as f64 * libm::log(1.0 - fraction * fraction) <= libm::log(MISS)
@@ -205,11 +204,11 @@ fn each_position<'a>(
     }
 }
 
-/// How far poses agree with a flight.
+/// Agreement of poses with a flight.
 struct Agreement {
     /// Number of poses that do.
     inliers: usize,
-    /// Their mean squared distance from it.
+    /// Mean squared distance of these poses from the flight.
     mean_square_m2: f64,
     /// Sum of their distances in metres and angles in radians.
     sum: f64,
@@ -225,7 +224,7 @@ impl Agreement {
     }
 }
 
-/// How far poses agree with a flight; the rotation counts where it is constant.
+/// Agreement of poses with a flight; the rotation counts where it is constant.
 fn agreement(
     poses: &[ObjectPose],
     flight: &FlightTrajectory,
@@ -256,7 +255,7 @@ fn agreement(
     Agreement { inliers, mean_square_m2: squares / inliers.max(1) as f64, sum }
 }
 
-/// How far a pose that agrees with a flight may lie from it, in metres.
+/// Largest distance from a flight of a pose that agrees with it, in metres.
 pub(super) fn reach_m(pose: &ObjectPose, config: &Config) -> f64 {
     config.considered.inlier_m.max(3.0 * position_sd(pose))
 }
@@ -267,7 +266,7 @@ fn position_sd(pose: &ObjectPose) -> f64 {
     if information > 0.0 { 3.0 / information.sqrt() } else { 0.0 }
 }
 
-/// Whether all numbers of a pose are finite.
+/// Returns whether all numbers of a pose are finite.
 pub(super) fn is_finite(pose: &ObjectPose) -> bool {
     let numbers = pose.X_WO.translation.vector.sum() + pose.X_WO.rotation.coords.sum() + pose.information.sum();
     pose.capture_s.is_finite() && numbers.is_finite()

@@ -19,7 +19,7 @@ pub(super) struct Tumbling {
     pub momentum: Vector3<f64>,
     inertia: Matrix3<f64>,
     inverse: Matrix3<f64>,
-    /// Whether ω stays as it is.
+    /// True if ω stays constant.
     steady: bool,
     /// Decay c of the momentum in 1/s, the time since the start, and what is left of the momentum by now.
     decay_per_s: f64,
@@ -57,7 +57,7 @@ impl Tumbling {
         Self { R_WO, momentum, inertia, inverse, steady, decay_per_s: 0.0, elapsed_s: 0.0, left: 1.0, by_start }
     }
 
-    /// The same state, of a momentum that decays.
+    /// Sets the decay of the momentum.
     pub fn decaying(self, decay_per_s: f64) -> Self {
         Self { decay_per_s, ..self }
     }

@@ -19,8 +19,8 @@ fn off_rad(cameras: &[CameraModel], truth: &[CameraModel]) -> f64 {
 /// Standard deviation in radians about each axis across the look of a camera: 0.05°.
 const SD_RAD: f64 = 0.00087;
 
-/// How far cameras are off that are turned at random, before and after each of four images of the arm, a
-/// tenth of whose pixels are missing; a thing of 0.3 m beside it is none of the arm's.
+/// Errors of cameras that are rotated at random, before and after each of four images of the arm, a tenth of
+/// whose pixels are missing; an object of 0.3 m beside the arm does not belong to it.
 fn aligned(surroundings: &Surroundings<'_>, seed: u64) -> (f64, [f64; 4]) {
     let config = Config { camera_sd_rad: SD_RAD, ..Config::default() };
     let told = synthetic::flight_rig();
@@ -55,7 +55,7 @@ fn aligned(surroundings: &Surroundings<'_>, seed: u64) -> (f64, [f64; 4]) {
     (before, after)
 }
 
-/// Over several rigs, so that no single one decides.
+/// Averages over several rigs, so that no single one decides.
 #[test]
 fn cameras_are_turned_to_where_they_look() {
     let (robot, gripper) = arm();

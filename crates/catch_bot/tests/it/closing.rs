@@ -5,7 +5,7 @@ use catch_bot::grasp_selection::{Closing, Config, Fingers};
 use proptest::prelude::*;
 
 proptest! {
-    /// Against stepping through it.
+    /// Compares the closed forms with steps through the motion.
     #[test]
     fn travels_and_times_agree(travel_m in 1e-4f64..0.1, speed_mps in 0.05f64..2.0, acceleration_mps2 in 1.0f64..50.0) {
         let closing = Closing { speed_mps, acceleration_mps2 };
@@ -67,7 +67,8 @@ proptest! {
     }
 }
 
-/// By the gripper's data sheet alone: from rest the wait is what the closed form of closing leaves.
+/// A wait from rest follows from the gripper's data sheet alone: it is what the closed form of closing
+/// leaves.
 #[test]
 fn fingers_that_stand_wait_for_what_closing_leaves() {
     let toml = include_str!("../../../../assets/grippers/franka_hand.toml");
@@ -84,7 +85,7 @@ fn fingers_that_stand_wait_for_what_closing_leaves() {
     let back_m = v * v / (2.0 * a);
     let least_s = v / a + (0.02 + back_m) / v + v / (2.0 * a);
     let wait_s = closing.wait_s(opening, 0.075, 0.03, least_s + 0.02);
-    // What they open by while they wait is closed at the same speed.
+    // The distance by which they open while they wait is closed at the same speed.
     assert!((wait_s - 0.01).abs() < 1e-9, "{wait_s}");
 }
 

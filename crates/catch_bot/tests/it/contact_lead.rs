@@ -1,4 +1,4 @@
-//! When fingers touch.
+//! Time of the finger contact.
 
 use catch_bot::grasp_selection::Config;
 use nalgebra::Vector3;
@@ -15,7 +15,7 @@ fn fingers_touch_when_the_centre_of_the_object_passes() {
     let lead_s = config.contact_lead_s(&v_G, &past_G);
     let distance = |before_s: f64| (past_G - v_G * before_s).xz().norm();
     assert!(distance(lead_s) < distance(lead_s - 1e-4) && distance(lead_s) < distance(lead_s + 1e-4));
-    // What is held by its front cannot come as far as its centre.
+    // An object that is held by its front cannot come as far as its centre.
     let toward_palm = Vector3::new(0.0, -4.0, 0.0);
     assert_eq!(config.contact_lead_s(&toward_palm, &Vector3::new(0.0, 0.03, 0.0)), 0.0);
 }

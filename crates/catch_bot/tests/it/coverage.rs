@@ -10,9 +10,9 @@ use nalgebra::Vector3;
 
 use crate::synthetic::{self, Noise, Normal, Shape};
 
-/// When a throw is caught.
+/// Catch time of a throw, in seconds.
 const CATCH_S: f64 = 0.7;
-/// After how many image sets at 100 Hz the prediction is compared.
+/// Numbers of image sets at 100 Hz after which the prediction is compared.
 const FRAMES: [usize; 2] = [10, 20];
 
 /// The paper's near or far throw, varied a little, in any orientation, without spin and drag.
@@ -69,7 +69,7 @@ fn squared_errors(shape: &Shape, reference: &Arc<ReferenceModel>, noise: Noise, 
     squares
 }
 
-/// Of thirty throws nine in ten lie within the 95 % ellipsoid, and about half within that of 50 %: neither
+/// Nine in ten of thirty throws lie within the 95 % ellipsoid, and about half within that of 50 %: neither
 /// too sure nor too unsure.
 #[test]
 fn catches_lie_where_they_are_claimed() {

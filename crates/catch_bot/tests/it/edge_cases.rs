@@ -1,4 +1,5 @@
-//! Whatever the images show: no panic, no number that is none, and a status that says what happened.
+//! Edge cases of images: no panic, no number that is none, and a status that says what happened, whatever the
+//! images show.
 
 use std::sync::Arc;
 
@@ -57,7 +58,7 @@ impl Bench {
         (pose.X_WO.translation.vector - self.X_WO.translation.vector).norm()
     }
 
-    /// The same images without masks, in full size.
+    /// Turns the images into full ones without masks.
     fn full(&self, frames: &[DepthFrame]) -> Vec<DepthFrame> {
         let full = frames.iter().map(|frame| {
             let window = self.cameras[frame.camera].full_window();
@@ -107,8 +108,8 @@ fn one_camera_alone_gives_a_pose_that_knows_what_it_cannot_tell() {
     assert!(bench.off_m(&cold) < 0.02, "{}", bench.off_m(&cold));
 }
 
-/// It flies straight out of all views: while images show enough of it, it is found; when none shows it any
-/// more, that is said.
+/// An object that flies straight out of all views is found while images show enough of it; when none shows it
+/// any more, the status says so.
 #[test]
 fn an_object_that_leaves_the_view_is_found_as_long_as_it_is_shown() {
     /// Pixels, over all images, that are always enough to follow it.
@@ -124,8 +125,7 @@ fn an_object_that_leaves_the_view_is_found_as_long_as_it_is_shown() {
         let shown = frames.iter().flat_map(|frame| &frame.depth_m).filter(|depth| depth.is_finite()).count();
         match bench.find(&frames, Some(&last)) {
             Ok(pose) => {
-                // What is left of an object that most images' edges cut off tells little more than where it
-                // is.
+                // The rest of an object that most images' edges cut off shows little more than its position.
                 let off_m = (pose.X_WO.translation.vector - X_WO.translation.vector).norm();
                 whole = whole.max(pose.points);
                 let limit_m = if 3 * pose.points < whole { bench.reference.radius_m } else { 0.01 };

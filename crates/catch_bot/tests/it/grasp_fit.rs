@@ -1,4 +1,4 @@
-//! How an object fits between the fingers.
+//! Fit of an object between the fingers.
 
 use catch_body::{Gripper, Pose};
 use catch_bot::{

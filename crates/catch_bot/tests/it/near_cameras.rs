@@ -101,7 +101,7 @@ fn edges_of_the_arm_that_bleed_are_no_object() {
     assert!(found(&Config { depth_edge_px: None, ..config.clone() }) > 0, "edges that nobody expects are objects");
 }
 
-/// Where others would have seen it too, an object that one camera shows is not believed.
+/// An object that one camera alone shows counts only where no other camera would have seen it.
 #[test]
 fn one_camera_is_enough_where_no_other_sees() {
     let place = Point3::new(1.0, 0.4, 0.75);

@@ -72,7 +72,7 @@ fn reference_knows_centre_and_symmetry() {
     }
 }
 
-/// Against the integrals over the bottle's two cylinders.
+/// Compares with the integrals over the bottle's two cylinders.
 #[test]
 fn a_round_object_knows_how_its_inertia_along_the_axis_is_to_that_across() {
     let cylinders = [(0.0, 0.06, 0.0254_f64), (0.06, 0.0786, 0.022)];

@@ -1,4 +1,4 @@
-//! What a map of an arm's reach tells, against poses that are known to be reached.
+//! Check of an arm's reach map against poses that are known to be reached.
 
 use catch_body::{JointVector, Robot, robot_file::RobotFiles};
 use catch_bot::trajectory_optimization::{
@@ -44,7 +44,7 @@ fn hardly_a_pose_is_reached_sooner_than_the_map_tells() {
     }
     assert!(late * 500 <= count, "{late} of {count} are called late");
     assert!(never * 2000 <= count, "{never} of {count} are called much too late");
-    // And it tells something: hardly any pose is reached at once.
+    // The map is not trivial: hardly any pose is reached at once.
     let q = robot.joint_vector(&[1.5, -1.0, 1.0, -2.5, 1.0, 1.0, -1.0]).unwrap();
     assert!(map.least_time_s(&robot.gripper_pose(&q)) > 0.3);
     assert!(!map.is_in_time(&robot.gripper_pose(&q), 0.2));
@@ -56,7 +56,7 @@ fn hardly_a_pose_is_reached_sooner_than_the_map_tells() {
     assert!(ReachMap::from_bytes(&robot, &map.to_bytes()).is_some_and(|it| it == map));
 }
 
-/// Whoever draws which samples.
+/// The map is the same whichever thread draws which samples.
 #[test]
 fn the_map_is_the_same_for_any_number_of_threads() {
     let robot = arm();

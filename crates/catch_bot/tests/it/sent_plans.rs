@@ -1,4 +1,4 @@
-//! Which plans are still the arm's: what was rejected, lost or replaced.
+//! Plans that are still the arm's after some were rejected, lost or replaced.
 
 use catch_body::{Gripper, JointVector, Pose, Robot, robot_file::RobotFiles, shape::Cuboid};
 use catch_bot::{

@@ -9,7 +9,7 @@ fn the_nearest_alike_orientation_looks_the_same_and_does_not_turn_about_the_axis
     let symmetry = Symmetry::Axis { axis, reversible: false, axial_inertia: 1.0 };
     let R_WA = UnitQuaternion::from_euler_angles(0.4, -0.7, 1.9);
     let tilt = UnitQuaternion::from_euler_angles(0.02, 0.03, 0.0);
-    // The same looks as a slightly tilted A, but spun by 2 rad about the axis.
+    // B looks like a slightly tilted A, but is spun by 2 rad about the axis.
     let R_WB = tilt * R_WA * UnitQuaternion::from_axis_angle(&axis, 2.0);
     let near = symmetry.nearest_alike(&R_WA, &R_WB);
     assert!((near * axis.into_inner() - R_WB * axis.into_inner()).norm() < 1e-12, "the axis points where B's does");

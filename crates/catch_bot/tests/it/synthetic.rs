@@ -29,7 +29,7 @@ impl Shape {
         Self::Sphere { radius: 0.0336 }
     }
 
-    /// About 0.176 × 0.062 × 0.030 m.
+    /// Banana of about 0.176 × 0.062 × 0.030 m.
     pub fn banana() -> Self {
         Self::bent(0.1)
     }
@@ -127,7 +127,7 @@ impl Noise {
     }
 }
 
-/// What a data sheet says of a noise: (constant part in m, quadratic part in 1/m).
+/// Noise figures of a data sheet: (constant part in m, quadratic part in 1/m).
 pub fn data_sheet(noise: Noise) -> (f64, f64) {
     match noise {
         Noise::Clean => (0.0, 0.0),
@@ -155,7 +155,7 @@ pub fn flight_rig() -> Vec<CameraModel> {
     uv_sphere(&[0.0, 90.0, 180.0, 270.0], &[60.0, 30.0, 0.0, -30.0, -60.0], 7.0, [400, 300])
 }
 
-/// What one camera sees of a shape at `X_WS`, within the window that the shape may cover and a margin.
+/// Image of a shape at `X_WS` in one camera, within the window that the shape may cover and a margin.
 pub fn depth_frame(camera: usize, model: &CameraModel, shape: &Shape, X_WS: &Pose, margin_m: f64) -> DepthFrame {
     let X_SC = X_WS.inverse() * model.X_WC;
     let centre_C = X_SC.inverse() * Point3::origin();
@@ -185,7 +185,7 @@ pub fn depth_frame(camera: usize, model: &CameraModel, shape: &Shape, X_WS: &Pos
     frame
 }
 
-/// What all cameras see.
+/// Images of all cameras.
 pub fn depth_frames(
     cameras: &[CameraModel],
     shape: &Shape,

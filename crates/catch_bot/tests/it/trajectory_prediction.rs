@@ -30,8 +30,8 @@ fn throw(normal: &mut Normal, spin_radps: f64, drag_per_m: f64, symmetry: &Symme
     }
 }
 
-/// What is seen of a throw in `count` frames at 100 Hz, with the given standard deviations; a fraction of the
-/// frames is shifted by 5 to 20 cm.
+/// Poses observed of a throw in `count` frames at 100 Hz, with the given standard deviations; a fraction of
+/// the frames is shifted by 5 to 20 cm.
 fn seen(
     throw: &FlightTrajectory,
     count: usize,
@@ -134,7 +134,7 @@ fn claimed_uncertainty_holds() {
     }
 }
 
-/// Of a bottle whose ends are confused in four of ten images, the axis is found nevertheless; not so if each
+/// The axis of a bottle whose ends are confused in four of ten images is found nevertheless; not so if each
 /// image is believed.
 #[test]
 fn confused_ends_leave_the_axis() {
@@ -293,9 +293,9 @@ fn aerodynamic_forces_are_found() {
     assert!(median[1] < 0.5 * median[0] && (170..=200).contains(&inside), "{median:?}, {inside} of 200 within 95 %");
 }
 
-/// Of throws of a spinning object whose centre of mass is not where its shape has it: how far off the
-/// object's position is predicted 0.3 s later, after 300 ms, in the median, and how many of the true
-/// positions lie in the 95 % ellipsoid.
+/// Errors of throws of a spinning object whose centre of mass is not where its shape has it: the median error
+/// of the object's position predicted 0.3 s later, after 300 ms, and the fraction of the true positions in
+/// the 95 % ellipsoid.
 fn off_centre(symmetry: &Symmetry, com_O: Vector3<f64>, com_sd_m: Option<f64>, throws: usize) -> (f64, usize) {
     let mut normal = Normal::new(77);
     let config = Config { com_sd_m, spin_prior_sd_radps: 8.3, ..Config::default() };
@@ -330,7 +330,7 @@ fn a_centre_of_mass_that_is_elsewhere_is_found_in_flight() {
     }
 }
 
-/// Where nothing spins the centre of mass cannot be seen, and nothing is lost by not knowing it.
+/// Without spin the centre of mass cannot be seen, and nothing is lost by not knowing it.
 #[test]
 fn without_spin_an_unknown_centre_of_mass_costs_nothing() {
     let config = Config { com_sd_m: Some(5e-3), spin_prior_sd_radps: 8.3, ..Config::default() };

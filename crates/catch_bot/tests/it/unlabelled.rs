@@ -77,23 +77,23 @@ impl Scene<'_> {
     }
 }
 
-/// Where the object is, and what is seen besides.
+/// Position of the object and the conditions under which it is seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Case {
     noise: Noise,
     floor_visible: bool,
     /// 0.2 m before the gripper instead of on its way.
     at_gripper: bool,
-    /// In windows where it is expected, instead of in full images.
+    /// True for windows where the object is expected, false for full images.
     tracked: bool,
 }
 
 /// Pixels over several throws, and how far off the poses were.
 #[derive(Debug, Default)]
 struct Segmented {
-    /// Of the object's pixels, how many were taken for it.
+    /// Fraction of the object's pixels that were taken for it.
     recall: f64,
-    /// Of the pixels that were taken for the object, how many show it.
+    /// Fraction of the pixels taken for the object that show it.
     precision: f64,
     off_m: Vec<f64>,
 }

@@ -69,7 +69,7 @@ pub struct Program {
 
 /// Steps at most; programs of splines take 10 to 25.
 const STEPS: usize = 60;
-/// What is left of the conditions of optimality at the end.
+/// Largest residual of the conditions of optimality at the end.
 const TOLERANCE: f64 = 1e-9;
 /// A step goes this fraction of the way to the boundary.
 const TO_BOUNDARY: f64 = 0.995;

@@ -17,7 +17,7 @@ const DAMPING: f64 = 1e-7;
 const ROUNDING: f64 = 1e-7;
 const SOLVED_RAD: f64 = 1e-8;
 
-/// Which variable is which: joint by joint the control points that are free, then s, the stretch of the
+/// Order of the variables: joint by joint the control points that are free, then s, the stretch of the
 /// duration if that is free, and the slacks of the errors.
 pub(super) struct Layout {
     dof: usize,
@@ -297,7 +297,7 @@ impl Layout {
         sum
     }
 
-    /// What the worst error exceeds its tolerance by.
+    /// Excess of the worst error over its tolerance.
     pub fn excess(&self, problem: &Problem, now: &[Linearized]) -> f64 {
         now.iter().zip(&problem.waypoints).map(|(at, waypoint)| waypoint.excess(at)).fold(0.0, f64::max)
     }

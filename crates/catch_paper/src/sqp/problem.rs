@@ -1,4 +1,4 @@
-//! What motion is wanted, and what was found.
+//! Problem and solution of a motion's program.
 
 use catch_body::{JointVector, Robot, robot::JointLimits};
 use catch_cell::{BSpline, arm::Setpoint};
@@ -12,32 +12,32 @@ pub struct Problem<'a> {
     pub robot: &'a Robot,
     /// Knots of the motion, the first and the last four times.
     pub knots_s: Vec<f64>,
-    /// Where it starts.
+    /// State at the start.
     pub start: Setpoint,
-    /// What of the start it keeps.
+    /// Part of the start state that the motion keeps.
     pub keeps_start: StartState,
-    /// By what factors its duration may differ from that of the knots. Waypoints are met at their knots'
-    /// times stretched as much.
+    /// Bounds of the factor by which the motion's duration may differ from that of the knots. Waypoints are
+    /// met at their knots' times stretched as much.
     pub stretch: [f64; 2],
-    /// That factor of the guess.
+    /// Stretch of the guess.
     pub stretch_guess: f64,
-    /// What each joint may do; an acceleration may be without limit.
+    /// Limits of each joint; an acceleration may be without limit.
     pub limits: Vec<JointLimits>,
-    /// Where the gripper is to be, and when.
+    /// Poses that the gripper must pass, and their times.
     pub waypoints: Vec<Waypoint>,
     /// Least and highest fraction of the object's velocity.
     pub speed_fraction: [f64; 2],
     /// The comfortable pose q₀; without one each program stays near the last one's motion.
     pub comfortable_q: Option<JointVector>,
-    /// On the distance from it, w.
+    /// Weight of the distance from it, w.
     pub comfort_weight: f64,
-    /// On the fraction of the object's velocity, κ.
+    /// Weight of the fraction of the object's velocity, κ.
     pub speed_weight: f64,
-    /// Whether any motion that meets the waypoints within their tolerances is as good as another.
+    /// True if any motion that meets the waypoints within their tolerances is as good as another.
     pub first_will_do: bool,
 }
 
-/// What of its start a motion keeps.
+/// Part of its start state that a motion keeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StartState {
     /// Nothing: waypoints say what is wanted there.
@@ -55,10 +55,10 @@ pub struct Solution {
     pub spline: BSpline,
     /// Fraction of the object's velocity.
     pub speed_fraction: f64,
-    /// By how much the worst error exceeds its tolerance: m, rad or m/s.
+    /// Excess of the worst error over its tolerance: m, rad or m/s.
     pub excess: f64,
     /// Quadratic programs that were solved.
     pub iterations: usize,
-    /// Whether it came to rest before as many of them as there may be.
+    /// True if the iteration converged before the largest number of programs.
     pub converged: bool,
 }

@@ -1,4 +1,4 @@
-//! Where the gripper is to be at an instant of a motion, how it is to move, and how far it is from that.
+//! Waypoints: pose and velocity of the gripper at an instant of a motion, and the errors from them.
 
 use std::f64::consts::PI;
 
@@ -8,22 +8,22 @@ use nalgebra::{Matrix3, Point3, Rotation3, SMatrix, SVector, Vector3};
 /// Position (m), orientation (rad) and velocity (m/s), three numbers each, in W.
 pub const ERRORS: usize = 9;
 
-/// How far off a motion may be: position and velocity along each axis, orientation by the angle.
+/// Tolerances of a motion: position and velocity along each axis, orientation by the angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
-    /// In metres.
+    /// Tolerance of the position in metres.
     pub position_m: f64,
-    /// In radians.
+    /// Tolerance of the orientation in radians.
     pub rotation_error_rad: f64,
-    /// In m/s.
+    /// Tolerance of the velocity in m/s.
     pub velocity_mps: f64,
 }
 
 impl Tolerance {
-    /// None at all.
+    /// No tolerance at all.
     pub const NONE: Self = Self { position_m: 0.0, rotation_error_rad: 0.0, velocity_mps: 0.0 };
 
-    /// One number for each error. Beyond half a turn any orientation will do.
+    /// Tolerance of one of the errors. Beyond half a turn any orientation will do.
     pub fn of(&self, error: usize) -> f64 {
         let rotation_error_rad = if self.rotation_error_rad < PI { self.rotation_error_rad } else { f64::INFINITY };
         [self.position_m, rotation_error_rad, self.velocity_mps][error / 3]
@@ -37,10 +37,10 @@ impl Tolerance {
     }
 }
 
-/// Where the gripper is to be at one instant.
+/// Required pose and velocity of the gripper at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Waypoint {
-    /// When.
+    /// Time of the waypoint, in seconds.
     pub time_s: f64,
     /// Pose of the gripper.
     pub X_WG: Pose,
@@ -48,9 +48,9 @@ pub struct Waypoint {
     pub p_GP: Point3<f64>,
     /// Velocity of the object, a fraction of which is wanted.
     pub v_WO: Vector3<f64>,
-    /// That fraction, if it is given; else the motion's.
+    /// Required fraction of the object's velocity, if it is given; else the motion's.
     pub fraction: Option<f64>,
-    /// How far off is near enough.
+    /// Tolerance of the errors.
     pub tolerance: Tolerance,
 }
 
@@ -68,8 +68,8 @@ pub struct Linearized {
 }
 
 impl Linearized {
-    /// The same with the orientation in axes of which the first is that of the turn that is left. So a bound
-    /// of the first is one of the angle, as in Drake.
+    /// Rotates the orientation error into axes of which the first is that of the remaining rotation. A bound
+    /// of its first component is then a bound of the angle, as in Drake.
     pub fn aligned(mut self) -> Self {
         let turn: Vector3<f64> = self.error.fixed_rows::<3>(3).into();
         let axes = Rotation3::rotation_between(&turn, &Vector3::x()).unwrap_or_default();
@@ -81,7 +81,7 @@ impl Linearized {
 }
 
 impl Waypoint {
-    /// By how much the worst error exceeds its tolerance, zero if none does.
+    /// Excess of the worst error over its tolerance, zero if there is none.
     pub fn excess(&self, at: &Linearized) -> f64 {
         let part = |from: usize| at.error.fixed_rows::<3>(from);
         let worst = [part(0).amax(), part(3).norm(), part(6).amax()];
@@ -151,7 +151,7 @@ mod tests {
     use nalgebra::UnitQuaternion;
     use proptest::prelude::*;
 
-    /// Two turns of 0.08 rad are one of 0.11 rad, and only its own axis counts after alignment.
+    /// Two rotations of 0.08 rad are one of 0.11 rad, and only its own axis counts after alignment.
     #[test]
     fn a_tolerance_of_orientation_is_one_of_the_angle() {
         let robot = iiwa();

@@ -51,7 +51,7 @@ fn icp_gives_the_pose_less_well_than_the_distance_field() {
     }
 }
 
-/// As the code does it: from the world's origin, metres away, to the object, and never by the search of all
+/// ICP as in the code: from the world's origin, metres away, to the object, and never by the search of all
 /// orientations.
 #[test]
 fn icp_starts_from_the_origin_if_it_starts_from_its_last_pose() {

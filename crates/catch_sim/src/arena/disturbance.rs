@@ -17,7 +17,7 @@ pub(super) struct Disturbance {
 }
 
 impl Disturbance {
-    /// One that begins so long after a contact that is to come.
+    /// Disturbance that begins so long after a contact that is to come.
     pub fn after_contact(after_s: f64) -> Self {
         Self { after_s, contact_s: None }
     }
@@ -27,7 +27,7 @@ impl Disturbance {
         self.contact_s.get_or_insert(time_s);
     }
 
-    /// Whether it has begun.
+    /// Returns whether the disturbance has begun.
     pub fn has_begun(&self, now_s: f64) -> bool {
         self.contact_s.is_some_and(|contact_s| now_s >= contact_s + self.after_s - 1e-9)
     }

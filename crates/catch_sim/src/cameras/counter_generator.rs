@@ -127,8 +127,8 @@ mod tests {
         assert!(normal(0) < -6.2 && normal(u32::MAX) > 6.2 && normal(u32::MAX).is_finite());
     }
 
-    /// Against the moments of the normal distribution, with their standard errors over a million numbers; the
-    /// numbers of one key, and the first numbers of neighbouring keys.
+    /// Compares with the moments of the normal distribution, with their standard errors over a million
+    /// numbers; the numbers of one key, and the first numbers of neighbouring keys.
     #[test]
     fn numbers_of_a_key_and_of_neighbouring_keys_are_normal_and_independent() {
         const COUNT: u64 = 1_000_000;

@@ -1,4 +1,4 @@
-//! What depth cameras measure: the exact images, with the errors of [`DepthConfig`] added to them.
+//! Measurements of depth cameras: the exact images, with the errors of [`DepthConfig`] added to them.
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
@@ -74,7 +74,7 @@ impl DepthCameras {
         }
     }
 
-    /// The same, with somebody who walks through the images.
+    /// Adds a person who walks through the images.
     pub(crate) fn with_person(self, person: Option<Person>) -> Self {
         Self { person, ..self }
     }
@@ -84,7 +84,7 @@ impl DepthCameras {
         &self.cameras
     }
 
-    /// Two cameras exchange their images.
+    /// Exchanges the images of two cameras.
     pub(crate) fn swap(&mut self, one: usize, other: usize) {
         if one.max(other) < self.cameras.len() {
             self.cameras.swap(one, other);
@@ -108,7 +108,7 @@ impl DepthCameras {
         self.key.part(camera as u64).part(Purpose::Phase as u64).unit(0)
     }
 
-    /// How late an image of a camera arrives, between the least (0) and the most (1).
+    /// Latency of a camera's image, between the least (0) and the most (1).
     pub(crate) fn lateness(&self, camera: usize, exposure: u64) -> f64 {
         self.exposure_key(camera, exposure).part(Place::Latency as u64).unit(0)
     }
@@ -130,7 +130,7 @@ impl DepthCameras {
         self.capture_some(renderer, scene, (0..self.cameras.len()).map(|camera| (camera, exposure)), readout, labelled)
     }
 
-    /// The same of some cameras, each with the number of its exposure.
+    /// Captures images of some cameras, each with the number of its exposure.
     pub fn capture_some(
         &self,
         renderer: &Renderer,
@@ -154,7 +154,7 @@ impl DepthCameras {
                 return None;
             }
             let window = view.window(index, camera, readout, edge_px);
-            // What a pixel shows depends on its neighbours too.
+            // A pixel's measurement depends on its neighbours too.
             let exact = view.image(camera, widened(camera, &window, edge_px), channels);
             let hidden = self.holes.as_ref().map(|holes| holes.pixels(&exact.part(window), scene.X_WO));
             let pixels = key.part(Place::Pixels as u64);
@@ -179,7 +179,7 @@ impl DepthCameras {
         exposures.into_iter().filter_map(frame_of).collect()
     }
 
-    /// Whether an image never arrives: that is drawn anew, or as it was for the image before.
+    /// Returns whether an image never arrives: that is drawn anew, or as it was for the image before.
     fn is_lost(&self, camera: usize, exposure: u64) -> bool {
         let draw = |exposure: u64, n: u64| self.exposure_key(camera, exposure).part(Place::Loss as u64).unit(n);
         let is_drawn_anew = |exposure: &u64| *exposure == 0 || draw(*exposure, 1) >= self.config.lost_frame_persistence;
@@ -200,7 +200,7 @@ struct Holes {
 }
 
 impl Holes {
-    /// Those of a throw; none where there are none.
+    /// Holes of a throw; `None` without holes.
     fn new(config: &DepthConfig, key: Key) -> Option<Self> {
         let fraction = config.hole_fraction.at(key.unit(0));
         (fraction > 0.0).then_some(Self { fraction, size_m: HOLE_SIZE_M, key })
@@ -264,7 +264,7 @@ impl Image<'_> {
 }
 
 impl StereoNoise {
-    /// What is measured in `window`, a part of an exact image.
+    /// Measured image in `window`, a part of an exact image.
     fn measured<'a>(&self, exact: Image<'a>, window: PixelWindow, key: Key) -> Image<'a> {
         let mut image = if self.edge_reach_px() > 0 { self.with_edges(&exact, window, key) } else { exact };
         // An error of s pixels in the disparity is one of s/(f·b) in 1/z.
@@ -343,7 +343,7 @@ impl StereoNoise {
     }
 }
 
-/// For each pixel of an image that is `wide` pixels wide what `pick` chooses among all within `reach` rows
+/// Values that `pick` chooses for each pixel of an image, `wide` pixels wide, among all within `reach` rows
 /// and columns.
 fn among_neighbours(values: &[f32], wide: usize, reach: usize, pick: impl Fn(f32, f32) -> f32 + Copy) -> Vec<f32> {
     let merge =

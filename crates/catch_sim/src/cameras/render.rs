@@ -9,10 +9,10 @@ use catch_body::{
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point3, Vector3};
 
-/// What the cameras look at, at one instant.
+/// Scene in front of the cameras at one instant.
 #[derive(Debug, Clone, Copy)]
 pub struct Scene<'a> {
-    /// When the shutters close, on the cell's clock.
+    /// Time at which the shutters close, in seconds on the cell's clock.
     pub capture_s: f64,
     /// Poses of the arm's links.
     pub X_WL: &'a LinkPoses,
@@ -22,7 +22,7 @@ pub struct Scene<'a> {
     pub X_WO: &'a Pose,
 }
 
-/// Which pixels are read out.
+/// Pixels that are read out.
 #[derive(Debug, Clone, Copy)]
 pub enum Readout<'a> {
     /// All of them.
@@ -53,8 +53,9 @@ impl Renderer {
         Self { arm: ArmSurface::new(robot, gripper), object: RayCaster::new(object), floor_visible }
     }
 
-    /// One frame per camera, without any error: depth in metres along the optical axis, NaN where there is no
-    /// surface; with `labelled` also which pixels show the object. The cameras stand where their models say.
+    /// Renders one frame per camera, without any error: depth in metres along the optical axis, NaN where
+    /// there is no surface; with `labelled` also which pixels show the object. The cameras stand where their
+    /// models say.
     pub fn render(&self, cameras: &[CameraModel], scene: &Scene, readout: Readout, labelled: bool) -> Vec<DepthFrame> {
         let view = self.view(scene);
         let frame_of = |(index, camera): (usize, &CameraModel)| {
@@ -84,7 +85,7 @@ pub(super) struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    /// With more bodies.
+    /// Adds more bodies.
     pub fn with(mut self, bodies: impl IntoIterator<Item = (Pose, &'a RayCaster)>) -> Self {
         self.others.extend(bodies);
         self
@@ -103,7 +104,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// What a camera sees in a window.
+    /// Renders a camera's image in a window.
     pub fn image<'c>(&self, camera: &'c CameraModel, window: PixelWindow, channels: Channels) -> Image<'c> {
         let mut image = Image::empty(camera, window, channels);
         image.add_body(&Sight::new(camera, &self.object), true);
@@ -182,15 +183,15 @@ fn pixels_within(camera: &CameraModel, u: [f64; 2], v: [f64; 2]) -> PixelWindow 
 pub(super) struct Image<'a> {
     pub camera: &'a CameraModel,
     pub window: PixelWindow,
-    /// Along the optical axis in metres, row by row; NaN where nothing was met.
+    /// Depth along the optical axis in metres, row by row; NaN where nothing was met.
     pub depth_m: Vec<f32>,
-    /// Where that surface is the object's.
+    /// True for each pixel where that surface is the object's.
     pub shows_object: Option<Vec<bool>>,
     /// Cosine of the angle of incidence there.
     pub facing: Option<Vec<f32>>,
 }
 
-/// What an image tells beside the depths.
+/// Channels of an image beside the depths.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Channels {
     pub shows_object: bool,

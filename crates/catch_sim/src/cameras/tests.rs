@@ -1,4 +1,4 @@
-//! What the cameras see, against closed forms and against themselves.
+//! Tests of the cameras' images, against closed forms and against themselves.
 
 mod measured;
 mod near_rigs;
@@ -122,7 +122,7 @@ fn a_window_equals_that_part_of_the_full_image_bit_for_bit() {
 fn a_ball_covers_the_pixels_of_its_outline() {
     let robot = iiwa();
     let renderer = renderer(&ball(), false);
-    // Where the near throw is caught, the arm turned out of the way.
+    // The catching pose of the near throw, the arm turned out of the way.
     let X_WO = Pose::translation(0.555, -0.245, 0.526);
     let q = robot.joint_vector(&[2.5, 0.6, 0.0, -1.75, 0.0, 1.0, 0.0]).unwrap();
     let scene = Scene { capture_s: 0.7, X_WL: &robot.link_poses(&q), width_m: 0.11, X_WO: &X_WO };

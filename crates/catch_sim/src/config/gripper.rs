@@ -1,13 +1,13 @@
-//! How the gripper of the arena is driven, and what makes it close.
+//! Drive models of the arena's gripper, and triggers of its closing.
 
 use serde::{Deserialize, Serialize};
 
-/// How the gripper is driven.
+/// Drive model of the gripper.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GripperDriveKind {
-    /// As strong as the real gripper, but without limit of speed beyond the fingers' own inertia and without
-    /// latency: about 5 ms from wide open to a tennis ball. The paper's gripper, less its 1000 N.
+    /// Drive as strong as the real gripper, but without limit of speed beyond the fingers' own inertia and
+    /// without latency: about 5 ms from wide open to a tennis ball. The paper's gripper, less its 1000 N.
     #[default]
     Ideal,
     /// A real one: the limits of speed, acceleration and force in the gripper's file hold, and commands and
@@ -18,7 +18,7 @@ pub enum GripperDriveKind {
     Position,
 }
 
-/// What makes the fingers close.
+/// Trigger that makes the fingers close.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GripperTrigger {

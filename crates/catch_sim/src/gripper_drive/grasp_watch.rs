@@ -1,4 +1,4 @@
-//! Whether the gripper holds something, as its own drive can tell.
+//! Detection of a held object, from the drive's own measurements.
 
 use catch_cell::GraspState;
 

@@ -1,5 +1,5 @@
-//! What makes a real gripper of a drive: commands take time, fingers have a highest speed and gather
-//! it, and states are rounded and come at a rate of their own.
+//! Interface of a real gripper drive: latency of commands, limits of the fingers' speed and acceleration, and
+//! states that are rounded and come at a rate of their own.
 
 use catch_body::Gripper;
 use catch_cell::{GripperMove, GripperState};
@@ -42,7 +42,7 @@ impl Interface {
         self.phase_s
     }
 
-    /// When the fingers begin a move that is sent at `sent_s`.
+    /// Time at which the fingers begin a move that is sent at `sent_s`, in seconds on the cell's clock.
     ///
     /// The command is under way for a constant time and is then taken by the next cycle, which comes U[0, 1]
     /// cycles later: the latency is uniform over one cycle around its mean. A mean below half a cycle leaves

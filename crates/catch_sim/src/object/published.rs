@@ -1,4 +1,4 @@
-//! What an object is in the paper's simulator.
+//! Bodies of objects in the paper's simulator.
 
 use catch_body::{InputError, TriangleMesh, quantity};
 use nalgebra::{Matrix3, Point3, Vector3};
@@ -12,7 +12,7 @@ use crate::object_shape::{ColliderPart, Load, ShapeFields, Solid};
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PublishedFields {
-    /// Its shape, if that is another. Points are then in the frame of this one.
+    /// Shape of the body, if it differs from the object's. Points are then in the frame of this one.
     shape: Option<ShapeFields>,
     /// Centre of mass.
     #[serde(default, deserialize_with = "quantity::shape_m")]
@@ -23,12 +23,12 @@ pub(super) struct PublishedFields {
     /// The origin of its frame.
     #[serde(default, deserialize_with = "quantity::shape_m")]
     origin_m: [f64; 3],
-    /// Whether it collides as the convex hull of its surface.
+    /// True if the body collides as the convex hull of its surface.
     #[serde(default)]
     convex_hull: bool,
 }
 
-/// What an object is in the paper's simulator.
+/// Body of an object in the paper's simulator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PublishedBody {
     com_O: Point3<f64>,

@@ -1,4 +1,4 @@
-//! What can touch what, and where it does.
+//! Colliders: the pairs that can touch, and their contact points.
 
 use catch_body::{
     Gripper, Pose, Robot, Twist,
@@ -25,7 +25,7 @@ const MARGIN_M: f64 = 1e-3;
 /// Points of a pair that are closer than this are one, in metres.
 const SAME_POINT_M: f64 = 1e-4;
 
-/// What a collider moves with.
+/// Body to which a collider is fixed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Body {
     /// The world, or the base of the arm.
@@ -54,8 +54,8 @@ pub(super) struct Load {
     pub friction_n: math::Vector,
 }
 
-/// Two colliders that may touch. What pushes is part of the machine or fixed; what is pushed is the object or
-/// part of the machine.
+/// Two colliders that may touch. The pushing one is part of the machine or fixed; the pushed one is the
+/// object or part of the machine.
 struct Pair {
     pushing: usize,
     pushed: usize,
@@ -65,16 +65,16 @@ struct Pair {
 /// A point at which two bodies touch, or may in the step to come.
 #[derive(Debug, Clone)]
 pub(super) struct Touch {
-    /// What pushes.
+    /// Part that pushes.
     pub part: Part,
     pub pushing: Body,
     pub pushed: Body,
-    /// From there to what is pushed, in W.
+    /// Normal from the pushing body to the pushed one, in W.
     pub normal: Vector3<f64>,
     pub point: Vector3<f64>,
     /// Distance of the surfaces, below zero where they overlap.
     pub gap_m: f64,
-    /// Of the step before.
+    /// Load of the step before.
     pub load: Load,
     /// The pair and the number of the point in its manifold.
     place: [usize; 2],
@@ -88,7 +88,7 @@ impl Touch {
     }
 }
 
-/// Where the bodies are, and how they move.
+/// Poses and velocities of the bodies.
 pub(super) struct Bodies {
     pub X_WL: [Pose; COORDINATES + 1],
     pub motions: [Spatial; COORDINATES + 1],
@@ -120,7 +120,7 @@ impl Bodies {
         if body == Body::Fixed { 0.0 } else { linear.norm() + angular.norm() * radius_m }
     }
 
-    /// How fast two bodies move against each other at a touch.
+    /// Relative speed of two bodies at a contact, in m/s.
     pub fn relative_mps(&self, touch: &Touch) -> f64 {
         let velocity = |body: Body| self.velocities(body, &touch.point)[1];
         (velocity(touch.pushed) - velocity(touch.pushing)).norm()
@@ -134,7 +134,8 @@ pub(super) struct Colliders {
 }
 
 impl Colliders {
-    /// Of the floor, the arm with what stands around it, and the gripper. The object is still missing.
+    /// Colliders of the floor, the arm with the obstacles around it, and the gripper. The object is still
+    /// missing.
     pub fn new(machine: &Machine, robot: Option<&Robot>, gripper: &Gripper) -> Self {
         let mut new = Self { colliders: Vec::new(), pairs: Vec::new() };
         let up = SharedShape::halfspace(math::Vector::Z);
@@ -267,7 +268,7 @@ impl Colliders {
         self.pairs[pair].manifold.points[point].data = load;
     }
 
-    /// What is nearest to the object, and its distance in metres: zero where they touch or overlap.
+    /// Part that is nearest to the object, and its distance in metres: zero where they touch or overlap.
     pub fn nearest_to_object(&self, bodies: &Bodies) -> Option<(&'static str, f64)> {
         let with_object = self.pairs.iter().filter(|it| self.colliders[it.pushed].body == Body::Object);
         let gaps = with_object.map(|pair| {

@@ -32,7 +32,7 @@ pub(super) struct Velocities {
     pub angular: Vector3<f64>,
 }
 
-/// How the bodies answer to impulses.
+/// Mass properties by which the bodies respond to impulses.
 pub(super) struct Masses<'a> {
     pub machine: &'a Machine,
     pub posture: &'a Posture,
@@ -83,8 +83,8 @@ impl Row {
         row
     }
 
-    /// Of the pushed body at a touch relative to the pushing one: along the normal, and in two directions
-    /// across.
+    /// Rows of the pushed body at a touch relative to the pushing one: along the normal, and in two
+    /// directions across.
     fn at(masses: &Masses, touch: &Touch) -> [Self; 3] {
         let [one, other] = touch.across();
         [touch.normal, one, other].map(|direction| {
@@ -131,7 +131,7 @@ struct Spring {
 }
 
 impl Spring {
-    /// Of a natural frequency, for a solver's step.
+    /// Spring of a natural frequency, for a solver's step.
     fn new(frequency_hz: f64, step_s: f64) -> Self {
         let omega = std::f64::consts::TAU * frequency_hz;
         let damped = 2.0 * DAMPING_RATIO + step_s * omega;
@@ -140,16 +140,16 @@ impl Spring {
     }
 }
 
-/// Two things that cannot pass through each other.
+/// Two bodies that cannot pass through each other.
 struct Unilateral {
     row: Row,
     gap_m: f64,
     spring: Spring,
-    /// Whether the spring is that of the object, and not a means against overlaps of what is hard.
+    /// True if the spring is that of the object, and not a means against overlaps of hard bodies.
     is_soft: bool,
-    /// Whether what bore nothing may meet in the solver's step.
+    /// True if a contact that bore nothing may close in the solver's step.
     meets: bool,
-    /// In a solver's step, and in all of them.
+    /// Impulse in a solver's step, and in all of them.
     impulse_ns: f64,
     total_ns: f64,
 }
@@ -159,8 +159,8 @@ impl Unilateral {
         Self { row, gap_m, spring, is_soft, meets: false, impulse_ns, total_ns: 0.0 }
     }
 
-    /// Before the move: what meets may close its gap and no more; then its spring takes over. Returns by how
-    /// much the relative velocity changes, in m/s.
+    /// Applies the impulse before the move: a contact that closes may close its gap and no more; then its
+    /// spring takes over. Returns the change of the relative velocity, in m/s.
     fn press(&mut self, velocities: &mut Velocities, step_s: f64) -> f64 {
         let Spring { rate_per_s, mass_factor, impulse_factor } = self.spring;
         if self.meets {
@@ -170,7 +170,8 @@ impl Unilateral {
         self.push(velocities, (rate_per_s * self.gap_m).max(-MOST_APART_MPS), mass_factor, impulse_factor)
     }
 
-    /// After the move: without the velocities at which a gap closed or springs pushed apart what is hard.
+    /// Applies the impulse after the move, without the velocities at which a gap closed or springs separated
+    /// hard bodies.
     fn relax(&mut self, velocities: &mut Velocities, step_s: f64) -> f64 {
         if self.is_soft && !self.meets {
             return 0.0;
@@ -192,13 +193,13 @@ impl Unilateral {
 pub(super) struct Contact {
     pub touch: Touch,
     normal: Unilateral,
-    /// In two directions across the normal.
+    /// Rows in two directions across the normal.
     friction: [Row; 2],
     friction_ns: [f64; 2],
 }
 
 impl Contact {
-    /// Along the normal.
+    /// Row along the normal.
     pub fn row(&self) -> &Row {
         &self.normal.row
     }
@@ -208,12 +209,12 @@ impl Contact {
         self.normal.total_ns
     }
 
-    /// Whether it bore something in the step, and nothing in the one before.
+    /// Returns whether the contact bore a load in the step, and none in the one before.
     pub fn is_new(&self) -> bool {
         self.normal.total_ns > 0.0 && self.touch.load.normal_n == 0.0
     }
 
-    /// What the next step begins with; `step_s` is the solver's.
+    /// Load with which the next step begins; `step_s` is the solver's.
     pub fn load(&self, step_s: f64) -> Load {
         let [one, other] = self.touch.across();
         let friction_ns = one * self.friction_ns[0] + other * self.friction_ns[1];
@@ -245,7 +246,7 @@ pub(super) struct Contacts {
     pub contacts: Vec<Contact>,
     stops: Vec<Unilateral>,
     friction: f64,
-    /// Of the solver.
+    /// Time step of the solver.
     step_s: f64,
 }
 
@@ -285,7 +286,7 @@ impl Contacts {
         Self { contacts, stops: stops.iter().map(stop).collect(), friction, step_s }
     }
 
-    /// One solver's step: `moved` takes what moves along with the velocities.
+    /// Takes one step of the solver: `moved` moves the bodies with the velocities.
     pub fn advance(&mut self, masses: &Masses, velocities: &mut Velocities, moved: impl FnOnce(&Velocities)) {
         let weighted = &mut masses.weighted(velocities);
         for contact in &self.contacts {

@@ -1,4 +1,4 @@
-//! Between the project's linear algebra and that of the collision library.
+//! Conversion between the project's linear algebra and that of the collision library.
 
 use catch_body::Pose;
 use nalgebra::Vector3;

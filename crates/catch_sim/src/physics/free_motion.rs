@@ -91,7 +91,7 @@ impl FreeBody {
         q_WO * (self.inverse_inertia * (q_WO.inverse() * momentum))
     }
 
-    /// One step of the rotation from `q`, at whose beginning the angular momentum in W is `L_W`.
+    /// Takes one step of the rotation from `q`, at whose beginning the angular momentum in W is `L_W`.
     fn rotation_step(
         &self,
         q: &Quaternion<f64>,

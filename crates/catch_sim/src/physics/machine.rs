@@ -53,7 +53,7 @@ pub(super) struct Machine {
     pub velocities: Coordinates,
 }
 
-/// Everything about the tree that depends on its positions.
+/// Quantities of the tree that depend on its positions.
 #[derive(Debug, Clone)]
 pub(super) struct Posture {
     /// Poses of the bodies, base first.
@@ -66,7 +66,7 @@ pub(super) struct Posture {
 }
 
 impl Machine {
-    /// At rest, with the inner faces of the fingers `finger_m` from the middle.
+    /// Machine at rest, with the inner faces of the fingers `finger_m` from the middle.
     pub fn new(mount: Mount, gripper: &Gripper, drive_mass_kg: f64, finger_m: f64) -> Self {
         let mut links = Vec::new();
         let mut positions = Coordinates::zeros();

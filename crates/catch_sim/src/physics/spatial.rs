@@ -36,7 +36,7 @@ impl Spatial {
         }
     }
 
-    /// The same of a force.
+    /// Rate of change of a force that is carried along by this motion.
     pub fn cross_force(&self, force: &Self) -> Self {
         Self {
             angular: self.angular.cross(&force.angular) + self.linear.cross(&force.linear),
@@ -75,7 +75,7 @@ pub(super) struct SpatialInertia {
 }
 
 impl SpatialInertia {
-    /// Of a body whose inertia is given in its frame L.
+    /// Spatial inertia of a body whose inertia is given in its frame L.
     pub fn of(inertia: &Inertia, X_WL: &Pose) -> Self {
         let Inertia { mass, com, about_com } = inertia.transformed(X_WL);
         let com = com.coords;

@@ -12,24 +12,24 @@ use crate::{conditions::Conditions, random_streams::Draws};
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RandomMotion {
-    /// Where the thrower stands, seen from the base: counterclockwise from x.
+    /// Direction of the thrower, seen from the base: counterclockwise from x, in degrees.
     #[serde(deserialize_with = "quantity::angle_deg")]
     azimuth_deg: [f64; 2],
-    /// How far from the base's axis the object is released.
+    /// Distance of the release from the base's axis, in metres.
     #[serde(deserialize_with = "quantity::distance_m")]
     distance_m: [f64; 2],
-    /// How high.
+    /// Height of the release, in metres.
     #[serde(deserialize_with = "quantity::place_m")]
     height_m: [f64; 2],
-    /// On which side the flight passes.
+    /// Side on which the flight passes.
     side: Side,
-    /// Its smallest distance from the axis.
+    /// Smallest distance of the flight from the base's axis, in metres.
     #[serde(deserialize_with = "quantity::distance_m")]
     passage_distance_m: [f64; 2],
-    /// Its height there.
+    /// Height of the flight there, in metres.
     #[serde(deserialize_with = "quantity::place_m")]
     passage_height_m: [f64; 2],
-    /// When it is there, after the release.
+    /// Time of the passage after the release, in seconds.
     #[serde(deserialize_with = "quantity::flight_s")]
     passage_s: [f64; 2],
     /// The length of the arm for which the passage is given; for a shorter arm it is nearer and lower in
@@ -38,7 +38,7 @@ pub(super) struct RandomMotion {
     arm_length_m: Option<f64>,
 }
 
-/// How a flight turns about the base's axis, seen from above.
+/// Sense in which a flight passes around the base's axis, seen from above.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Side {
@@ -70,7 +70,7 @@ impl RandomMotion {
         Ok(())
     }
 
-    /// The same throws with a passage that suits an arm of this length: nearer where it is shorter.
+    /// Adapts the passage of the throws to an arm of this length: nearer where it is shorter.
     pub fn for_arm(&self, length_m: f64) -> Self {
         let scale = self.arm_length_m.map_or(1.0, |it| (length_m / it).min(1.0));
         let [passage_distance_m, passage_height_m] =

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::{Axis, Release, check_range, random::Side, random::flown};
 use crate::{conditions::Conditions, random_streams::Draws};
 
-/// How the centre of mass of a recorded object moved at one time, in axes whose z points up.
+/// State of the centre of mass of a recorded object at one time, in axes whose z points up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordedState {
     /// Time since the release, in seconds.
@@ -31,7 +31,7 @@ impl RecordedState {
         }
     }
 
-    /// This state turned by `yaw` about the z axis and moved by `shift` afterwards.
+    /// State rotated by `yaw` about the z axis and moved by `shift` afterwards.
     fn moved(&self, yaw: &UnitQuaternion<f64>, shift: &Vector3<f64>) -> Self {
         Self {
             time_s: self.time_s,
@@ -47,7 +47,7 @@ impl RecordedState {
 pub struct RecordedFlight(Vec<RecordedState>);
 
 impl RecordedFlight {
-    /// Of one state or more; their times begin with zero and rise. `None` where they do not.
+    /// Creates a flight of one state or more; their times begin with zero and rise. `None` where they do not.
     pub fn new(states: Vec<RecordedState>) -> Option<Self> {
         let begins = states.first().is_some_and(|it| it.time_s == 0.0);
         let rises = states.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
@@ -87,15 +87,15 @@ impl RecordedFlight {
     }
 }
 
-/// How a recorded throw flies in the arena.
+/// Flight model of a recorded throw in the arena.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FlightSource {
-    /// By the arena's physics, from the recorded release on.
+    /// Flight by the arena's physics, from the recorded release on.
     #[default]
     Released,
-    /// Along the recorded track until something touches it or the recording ends, and by the arena's physics
-    /// from there on.
+    /// Flight along the recorded track until something touches the object or the recording ends, and by the
+    /// arena's physics from there on.
     Recorded,
 }
 
@@ -114,19 +114,19 @@ pub(super) struct RecordedMotion {
     /// `"released"`: it flies by the arena's physics from the recorded release on. `"recorded"`: it moves
     /// along the recording until something touches it.
     flight: FlightSource,
-    /// Where the thrower stands, seen from the base: counterclockwise from x.
+    /// Direction of the thrower, seen from the base: counterclockwise from x, in degrees.
     #[serde(deserialize_with = "quantity::angle_deg")]
     azimuth_deg: [f64; 2],
-    /// On which side the flight passes.
+    /// Side on which the flight passes.
     side: Side,
-    /// Its smallest distance from the axis.
+    /// Smallest distance of the flight from the base's axis, in metres.
     #[serde(deserialize_with = "quantity::distance_m")]
     passage_distance_m: [f64; 2],
-    /// Its height there.
+    /// Height of the flight there, in metres.
     #[serde(deserialize_with = "quantity::place_m")]
     passage_height_m: [f64; 2],
-    /// When it is there, after the release; later where it would have been released less than 0.2 m above the
-    /// floor.
+    /// Time of the passage after the release, in seconds; later where the object would have been released
+    /// less than 0.2 m above the floor.
     #[serde(deserialize_with = "quantity::flight_s")]
     passage_s: [f64; 2],
     /// The length of the arm for which the passage is given; for a shorter arm it is nearer and lower in
@@ -139,7 +139,7 @@ pub(super) struct RecordedMotion {
 }
 
 impl Default for RecordedMotion {
-    /// Where an arm of that length can hold a hand in time, as in the throw `random_by_reach`.
+    /// Passage where an arm of that length can hold a hand in time, as in the throw `random_by_reach`.
     fn default() -> Self {
         Self {
             tracks: ".".to_owned(),
@@ -156,12 +156,12 @@ impl Default for RecordedMotion {
     }
 }
 
-/// What a throw's file says of its recordings.
+/// Entries of a throw's file about its recordings.
 #[derive(Debug, Clone, Copy)]
 pub struct Recordings<'a> {
-    /// Their folder, as the file names it.
+    /// Folder of the recordings, as the file names it.
     pub tracks: &'a str,
-    /// Their axis that points up, if the file names it.
+    /// Axis of the recordings that points up, if the file names it.
     pub up: Option<Vector3<f64>>,
 }
 
@@ -171,7 +171,7 @@ const LATEST_PASSAGE_S: f64 = 2.5;
 const PASSAGE_STEP_S: f64 = 0.01;
 
 impl RecordedMotion {
-    /// This motion with the recordings that `read` finds.
+    /// Completes the motion by the recordings that `read` finds.
     pub fn with_recordings(
         self,
         file: &str,
@@ -192,7 +192,7 @@ impl RecordedMotion {
         Ok(Self { flights, ..self })
     }
 
-    /// The same throws with a passage that suits an arm of this length: nearer where it is shorter.
+    /// Adapts the passage of the throws to an arm of this length: nearer where it is shorter.
     pub fn for_arm(&self, length_m: f64) -> Self {
         let scale = (length_m / self.arm_length_m).min(1.0);
         let [passage_distance_m, passage_height_m] =

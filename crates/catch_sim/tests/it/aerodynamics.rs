@@ -83,7 +83,7 @@ fn flights_in_air_are_those_of_scipy() {
     assert!(largest[0] < 1e-5 && largest[1] < 1e-4 && largest[2] < 1e-4 && largest[3] < 2e-3, "{largest:?}");
 }
 
-/// What flies in the arena flies as the oracle has it.
+/// An object flies in the arena as in the oracle.
 #[test]
 fn the_arena_flies_as_free_flight_has_it() {
     let aerodynamics = AerodynamicsConfig { drag_anisotropy: 0.9, max_magnus: 0.02, max_spin_decay_per_s: 1.0 };

@@ -115,8 +115,8 @@ fn forces_of_fingers_are_all_that_the_object_feels_across_them() {
     assert!(worst < 1e-4, "{worst} of the largest impulse");
 }
 
-/// What is thrown at the mirror image of a place moves as in a mirror, through contacts too: a ball exactly,
-/// and a bottle, which is met at several points one after the other, within 1 mm 20 ms later.
+/// An object thrown in the mirror image moves as in a mirror, through contacts too: a ball exactly, and a
+/// bottle, which is met at several points one after the other, within 1 mm 20 ms later.
 #[test]
 fn a_mirrored_throw_goes_a_mirrored_way() {
     let gripper = setting::gripper();

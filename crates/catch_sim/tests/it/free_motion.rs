@@ -61,7 +61,7 @@ fn golden() -> Golden {
     serde_json::from_str(include_str!("../golden/free_motion.json")).unwrap()
 }
 
-/// With rotors and damping, as the arm is.
+/// Falls with rotors and damping, as the arm is.
 #[test]
 fn the_arm_falls_as_in_mujoco() {
     let Golden { gripper_width_m, cases } = golden();

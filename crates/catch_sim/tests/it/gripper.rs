@@ -34,7 +34,7 @@ fn hand(ball_is_inside: bool) -> World {
     setting::fixed_hand(settings, p_WG, &gripper, gripper.max_width_m, &setting::object("tennis_ball"), &release)
 }
 
-/// What happened in one step: time, width, rate, force of each finger on the ball, state.
+/// State after one step: time, width, rate, force of each finger on the ball, reported state.
 struct Sample {
     time_s: f64,
     width_m: f64,
@@ -43,7 +43,7 @@ struct Sample {
     state: GripperState,
 }
 
-/// Without gravity, so that the ball waits to be taken.
+/// Runs the hand without gravity, so that the ball waits to be taken.
 fn run(world: &mut World, drive: &mut GripperDrive, steps: u32) -> Vec<Sample> {
     let step = |step: u32| {
         let time_s = f64::from(step) * STEP_S;
@@ -108,7 +108,7 @@ fn it_presses_with_80_newtons_and_knows_that_it_holds_something() {
     assert!(before.clone().count() > 20 && before.clone().all(|it| it.state.grasp == GraspState::Grasping));
 }
 
-/// It knows only its fingers, so here they alone are moved.
+/// The drive measures its fingers only, so here they alone are moved.
 #[test]
 fn a_part_that_slips_out_is_lost() {
     let mut drive = drive(2);
@@ -129,7 +129,7 @@ fn a_part_that_slips_out_is_lost() {
     assert_eq!(grasps, [GraspState::Idle, GraspState::Grasping, GraspState::Holding, GraspState::PartLost]);
 }
 
-/// When the fingers obey: uniformly within one cycle around 30 ms, whatever the scene.
+/// Latency of the fingers: uniformly within one cycle around 30 ms, whatever the scene.
 #[test]
 fn latencies_are_spread_over_one_cycle() {
     const SENT_S: f64 = 0.1;
@@ -170,7 +170,7 @@ fn states_come_at_140_hertz_in_hundredths_of_a_millimetre() {
     }
 }
 
-/// What a command says beyond what the drive obeys does not count.
+/// Entries of a command that the drive does not use have no effect.
 #[test]
 fn drives_obey_what_they_can() {
     let width_after_m = |control: DriveControl, width_m: f64| {

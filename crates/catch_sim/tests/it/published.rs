@@ -1,5 +1,5 @@
-//! What the paper's simulator allows and a robot does not: references that jump, a sensor that closes the
-//! gripper, bodies that there are not.
+//! Features of the paper's simulator that a robot does not have: references that jump, a sensor that closes
+//! the gripper, bodies that do not exist.
 
 use catch_body::JointVector;
 use catch_cell::{ArmTrajectory, BSpline, Cell, Command, TrajectoryId};
@@ -42,7 +42,8 @@ fn references_that_jump_are_followed_by_all_the_torque_that_it_takes() {
     }
 }
 
-/// It sees along the passing direction only: a ball 0.2 m aside closes the fingers, and they stay closed.
+/// The sensor sees along the passing direction only: a ball 0.2 m aside closes the fingers, and they stay
+/// closed.
 #[test]
 fn the_sensor_closes_the_gripper_whatever_is_commanded() {
     let robot = setting::robot();
@@ -101,8 +102,8 @@ fn what_turns_about_another_centre_of_mass_keeps_it_on_its_parabola() {
     assert!((world.state().X_WO.rotation.angle_to(&start.X_WO.rotation)) > 0.5);
 }
 
-/// What is predicted from one sample of a tumbling bottle whose centre of mass lies 87 mm from O: the origin
-/// of O, from its velocity there, by `coasted` and from the release on by `FreeFlight`.
+/// Prediction from one sample of a tumbling bottle whose centre of mass lies 87 mm from O: the origin of O,
+/// from its velocity there, by `coasted` and from the release on by `FreeFlight`.
 #[test]
 fn free_flight_is_that_of_the_centre_of_mass() {
     let published = setting::object("pill_bottle").as_published().unwrap();

@@ -1,5 +1,5 @@
-//! What is drawn: distributions, independence of each other, and scenes that depend on nothing but their
-//! number.
+//! Properties of the random draws: distributions, independence of each other, and scenes that depend on
+//! nothing but their number.
 
 use std::thread;
 
@@ -133,8 +133,8 @@ fn switching_one_thing_on_changes_nothing_else() {
     }
 }
 
-/// Where and when a flight is nearest to the base's axis, by fine steps, and its momentum about the axis
-/// there.
+/// Passage of a flight: the point and time nearest to the base's axis, by fine steps, and its momentum about
+/// the axis there.
 fn passage(conditions: &Conditions, release: &Release) -> (f64, f64, f64, f64) {
     const STEP_S: f64 = 1e-4;
     let (mut p, mut v, mut time_s) = (release.p_WO, release.v_WO, 0.0);
@@ -164,7 +164,7 @@ fn random_throws_pass_where_they_should_in_air_and_without() {
     }
 }
 
-/// The same numbers in any order and from any thread.
+/// A scene has the same numbers in any order and from any thread.
 #[test]
 fn a_scene_depends_on_its_number_alone() {
     let config = everything();

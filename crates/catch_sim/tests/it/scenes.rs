@@ -90,7 +90,7 @@ fn drag_slows_the_object_as_it_should() {
     assert!(error < 2e-4, "{error} m");
 }
 
-/// The same scene twice gives the same truth, byte for byte.
+/// A scene computed twice gives the same truth, byte for byte.
 #[test]
 fn the_same_scene_gives_the_same_truth() {
     let run = || {

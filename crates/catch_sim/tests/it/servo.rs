@@ -16,7 +16,8 @@ fn arena(ready_q: &JointVector) -> Arena {
     setting::arena(&ArenaConfig::default(), "tennis_ball", &release, ready_q)
 }
 
-/// From rest to rest, close to a quintic polynomial: its values as control points, the ends three times.
+/// Motion from rest to rest, close to a quintic polynomial: its values as control points, the ends three
+/// times.
 fn motion(start_s: f64, duration_s: f64, from: JointVector, to: JointVector) -> BSpline {
     let count = 16;
     let control_points: Vec<JointVector> = (0..count)

@@ -81,7 +81,7 @@ pub fn arena(config: &ArenaConfig, object: &str, release: &Release, ready_q: &Jo
     Arena::new(&equipment, release, ready_q, 0, 0)
 }
 
-/// Nothing but the throw itself.
+/// Conditions without any effect besides the throw itself.
 pub fn calm(object: &str) -> Conditions {
     Conditions::draw(&ArenaConfig::default(), &self::object(object), 0, 0)
 }

@@ -1,4 +1,4 @@
-//! What the program of a spline bounds, as combinations of its control points.
+//! Bounded quantities of a spline's program, as combinations of its control points.
 
 use super::MAX_POINTS;
 

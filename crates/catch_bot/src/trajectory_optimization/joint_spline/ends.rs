@@ -1,15 +1,15 @@
-//! What is given at the ends of a joint's motion.
+//! Conditions at the ends of a joint's motion.
 
-/// Which ends of a spline are given, and so which of its control points are free.
+/// Ends of a spline that are given, which determine its free control points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ends {
-    /// Whether the acceleration at the start is given, not only position and velocity.
+    /// True if the acceleration at the start is given, not only position and velocity.
     pub start_acceleration: bool,
-    /// What is given at the end.
+    /// Kind of the condition at the end.
     pub end: EndKind,
 }
 
-/// What is given at the end of a spline.
+/// Kind of the condition at the end of a spline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EndKind {
     /// Position and velocity.
@@ -20,51 +20,51 @@ pub enum EndKind {
     Rest,
 }
 
-/// What the end of the spline must fulfil.
+/// Condition at the end of the spline.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum End {
     /// Position and velocity are given, acceleration within bounds.
     At {
-        /// Radians.
+        /// Position in radians.
         q: f64,
-        /// Rad/s.
+        /// Velocity in rad/s.
         dq: f64,
         /// Lowest and highest acceleration in rad/s², for what comes after.
         ddq: [f64; 2],
         /// Highest speed shortly before, in rad/s.
         last_speed: f64,
     },
-    /// At this position, as fast as the limits allow in one direction.
+    /// The position is given, the velocity is as high as the limits allow in one direction.
     Extreme {
-        /// Radians.
+        /// Position in radians.
         q: f64,
         /// 1 for the highest velocity, −1 for the lowest.
         sign: f64,
         /// Highest speed shortly before, in rad/s.
         last_speed: f64,
-        /// What comes after.
+        /// Continuation after the end.
         onset: Option<Onset>,
     },
-    /// At rest anywhere, with acceleration zero.
+    /// The joint ends at rest anywhere, with acceleration zero.
     Rest,
 }
 
-/// How a motion goes on: q̇ + q̈·`duration_s` must keep within ± `velocity`.
+/// Condition on the continuation of a motion: q̇ + q̈·`duration_s` must keep within ± `velocity`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Onset {
-    /// Seconds.
+    /// Duration in seconds.
     pub duration_s: f64,
-    /// Rad/s.
+    /// Largest velocity in rad/s.
     pub velocity: f64,
 }
 
 /// Position, velocity and acceleration of one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointState {
-    /// Radians.
+    /// Position in radians.
     pub q: f64,
-    /// Rad/s.
+    /// Velocity in rad/s.
     pub dq: f64,
-    /// Rad/s².
+    /// Acceleration in rad/s².
     pub ddq: f64,
 }

@@ -18,17 +18,17 @@ const SAMPLES: usize = 10_000;
 /// Exponent that spreads the samples over time: the later, the more poses there are to be found.
 const SPREAD: f64 = 0.4;
 
-/// What has been found so far.
+/// Earliest times found so far.
 #[derive(Debug, Clone)]
 pub struct ReachSamples<'a> {
     robot: &'a Robot,
     grid: Grid,
-    /// By voxel, then orientation.
+    /// Earliest times by voxel, then orientation.
     times: Vec<u8>,
 }
 
 impl<'a> ReachSamples<'a> {
-    /// None yet.
+    /// Creates the table without samples.
     pub fn new(robot: &'a Robot) -> Self {
         let grid = Grid::of(robot);
         let times = vec![NEVER; grid.voxels.iter().product::<usize>() * ORIENTATIONS];
@@ -62,7 +62,7 @@ impl<'a> ReachSamples<'a> {
         }
     }
 
-    /// What either has found.
+    /// Combines the results of both: the earlier time of each pose.
     pub fn merged(mut self, other: &Self) -> Self {
         least(&mut self.times, &other.times);
         self

@@ -1,4 +1,4 @@
-//! What a search chooses from: catch times, and grasps at each.
+//! Candidates of a search: catch times, and grasps at each.
 
 use catch_body::MAX_JOINTS;
 
@@ -7,7 +7,7 @@ use crate::{
     trajectory_prediction::LocalFlight,
 };
 
-/// What is known at one catch time.
+/// State of flight and joints at one catch time.
 pub struct CatchTimeSample {
     pub local_flight: LocalFlight,
     pub joints: [ReachableSet; MAX_JOINTS],
@@ -18,7 +18,7 @@ pub struct CatchTimeSample {
 pub struct Candidate {
     pub sample: usize,
     pub ranked: RankedGrasp,
-    /// What the cost of its reachability margin is by the reach map.
+    /// Estimated cost of the reachability margin, by the reach map.
     pub margin_cost: f64,
     /// Postures whose velocities at the catch were looked for, and those that were tried in vain.
     pub velocity_trials: usize,
@@ -26,7 +26,7 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// One that nothing was tried with yet.
+    /// Candidate with which nothing was tried yet.
     pub fn new(sample: usize, ranked: RankedGrasp, margin_cost: f64) -> Self {
         Self { sample, ranked, margin_cost, velocity_trials: 0, failed: 0 }
     }

@@ -1,4 +1,4 @@
-//! What a search has not looked at closely yet.
+//! Nodes of a search that are still open.
 
 use std::{cmp::Ordering, collections::BinaryHeap};
 
@@ -7,9 +7,9 @@ use super::{Posture, TerminalVelocity};
 /// A catch on its way to being a plan.
 #[derive(Clone, Copy)]
 pub struct Node {
-    /// Which pair of catch time and grasp.
+    /// Number of the candidate: a pair of catch time and grasp.
     pub candidate: usize,
-    /// How closely it has been looked at.
+    /// Stage up to which the candidate has been evaluated.
     pub stage: Stage,
     /// The least that it can cost.
     pub cost: f64,
@@ -17,7 +17,7 @@ pub struct Node {
     pub failures: usize,
 }
 
-/// What is known of it, closer and closer.
+/// Result of each stage of a node's evaluation.
 #[derive(Clone, Copy)]
 pub enum Stage {
     Pose,
@@ -27,20 +27,20 @@ pub enum Stage {
 
 /// Nodes, the one that promises most on top.
 pub struct Frontier {
-    /// What a failure of a grasp adds to the cost of all of its catches.
+    /// Penalty that a failure of a grasp adds to the cost of all of its catches.
     failure_penalty: f64,
     nodes: Vec<Node>,
     heap: BinaryHeap<HeapEntry>,
 }
 
-/// What a node promises, less being more, and which node.
+/// Entry of the heap: the cost of a node with its penalties, less being better, and the node's number.
 struct HeapEntry {
     order: f64,
     node: usize,
 }
 
 impl Frontier {
-    /// Without nodes.
+    /// Creates a frontier without nodes.
     pub fn new(failure_penalty: f64) -> Self {
         Self { failure_penalty, nodes: Vec::new(), heap: BinaryHeap::new() }
     }

@@ -26,18 +26,18 @@ use crate::{
     trajectory_prediction::{FlightPropagator, LocalFlight},
 };
 
-/// What a pass chooses from, and how closely it has looked.
+/// State of a search pass: its candidates, and how far each has been evaluated.
 pub struct Pass<'a, 's> {
     planner: &'a CatchSearch,
     search: &'s mut Search<'a>,
-    /// Whether nothing is left out for the reach map's sake, and postures are sought from all starts.
+    /// True if nothing is left out because of the reach map, and postures are sought from all starts.
     is_thorough: bool,
     samples: Vec<CatchTimeSample>,
     candidates: Vec<Candidate>,
     frontier: Frontier,
-    /// How often each grasp has failed, at any time.
+    /// Number of failures of each grasp, at any time.
     failures: Vec<usize>,
-    /// What came nearest to a catch.
+    /// Failure that came nearest to a catch.
     failure: PlanningFailure,
 }
 
@@ -97,7 +97,7 @@ impl<'a, 's> Pass<'a, 's> {
         }
     }
 
-    /// From a pose to the postures that the joints can reach.
+    /// Expands a pose to the postures that the joints can reach.
     fn expand_pose(&mut self, node: &Node) {
         let (motion, start) = (&self.planner.motion, self.search.start);
         let from = &start.state.q;
@@ -126,7 +126,7 @@ impl<'a, 's> Pass<'a, 's> {
         }
     }
 
-    /// From a posture to the velocities of the joints at the catch.
+    /// Expands a posture to the velocities of the joints at the catch.
     fn expand_posture(&mut self, node: &Node, posture: Posture) {
         let (motion, &mut Search { start, incoming, .. }) = (&self.planner.motion, &mut *self.search);
         let from = &start.state.q;
@@ -157,7 +157,8 @@ impl<'a, 's> Pass<'a, 's> {
         self.frontier.push(Node { stage: Stage::TerminalVelocity(posture, terminal_velocity), cost, ..*node });
     }
 
-    /// From velocities at the catch to a motion that keeps all limits and clearances and lets the object in.
+    /// Expands velocities at the catch to a motion that keeps all limits and clearances, with a free
+    /// approach.
     fn try_motions(&mut self, node: &Node, posture: Posture, balanced: TerminalVelocity) -> Option<CatchPlan> {
         let (planner, motion) = (self.planner, &self.planner.motion);
         let Search { start, incoming, ref mut obstacles, ref mut work, .. } = *self.search;
@@ -278,7 +279,7 @@ impl<'a, 's> Pass<'a, 's> {
         self.candidates.push(Candidate::new(sample, ranked, margin_cost));
     }
 
-    /// What can be reached by a catch time.
+    /// Reachable sets and flight at a catch time.
     fn sample(&self, propagator: &mut FlightPropagator, catch_s: f64) -> CatchTimeSample {
         let (motion, start) = (&self.planner.motion, self.search.start);
         let joints = motion.reaches(start, catch_s - start.time_s, motion.moving_scaling());

@@ -1,4 +1,4 @@
-//! What the reach map tells a search.
+//! Use of the reach map in a search.
 
 use catch_body::Pose;
 
@@ -13,13 +13,13 @@ pub struct Reach<'a> {
 }
 
 impl Reach<'_> {
-    /// Whether the gripper can be at `X_WG` by a catch time, as far as samples tell.
+    /// Returns whether the gripper can be at `X_WG` by a catch time, as far as samples show.
     pub fn is_in_time(&self, X_WG: &Pose, catch_s: f64) -> bool {
         self.map.is_in_time(X_WG, catch_s - self.departure_s)
     }
 
-    /// What the reachability margin there costs about: where the arm needs most of the time, it needs most of
-    /// what its joints can do.
+    /// Estimated cost of the reachability margin: where the arm needs most of the time, it needs most of its
+    /// joints' limits.
     pub fn margin_cost(&self, X_WG: &Pose, catch_s: f64) -> f64 {
         REACH_FRACTION * (self.map.least_time_s(X_WG) / (catch_s - self.departure_s)).min(1.0).powi(4)
     }

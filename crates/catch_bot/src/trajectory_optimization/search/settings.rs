@@ -1,4 +1,4 @@
-//! What the search weighs, and how far it goes.
+//! Weights and bounds of the search.
 
 use catch_body::quantity;
 use serde::{Deserialize, Serialize};
@@ -7,10 +7,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Weights {
-    /// On the object's speed relative to the gripper, per m/s: what passes the fingers slowly stays.
+    /// Weight of the object's speed relative to the gripper, per m/s: an object that passes the fingers
+    /// slowly stays.
     #[serde(deserialize_with = "quantity::weight")]
     pub speed: f64,
-    /// On the gripper's angular speed, per rad/s.
+    /// Weight of the gripper's angular speed, per rad/s.
     #[serde(deserialize_with = "quantity::weight")]
     pub spin: f64,
 }
@@ -30,14 +31,14 @@ pub const COMFORT: f64 = 0.02;
 pub const DELAY: f64 = 0.5;
 /// Latest catch, in seconds from the start.
 pub const LATEST_CATCH_S: f64 = 2.0;
-/// What a failure of a grasp adds to the cost of all of its catches in the order of the search: what fails at
-/// one time mostly fails at the next as well, and a pass may not do more than so much work.
+/// Penalty that a failure of a grasp adds to the cost of all of its catches in the order of the search: a
+/// grasp that fails at one time mostly fails at the next as well, and the work of a pass is bounded.
 pub const FAILURE_PENALTY: f64 = 0.2;
 /// Postures of a catch time and a grasp whose terminal velocities are sought: what a few could not do,
 /// similar ones usually cannot either.
 pub const MAX_VELOCITY_TRIALS: usize = 3;
-/// Those for which a motion is tried.
+/// Postures of a catch time and a grasp for which a motion is tried.
 pub const MAX_MOTION_TRIALS: usize = 2;
-/// How much later than on the grid the second round tries what got as far as the swept-volume check or a
-/// motion, in seconds; negative for sooner.
+/// Shifts of the catch time with which the second round tries candidates that got as far as the swept-volume
+/// check or a motion, in seconds; negative for sooner.
 pub const NEARBY_S: [f64; 4] = [-0.001, -0.0005, 0.0005, 0.001];

@@ -1,4 +1,4 @@
-//! How a flight stands to each of the poses.
+//! Residuals of a flight at each of the poses.
 
 use nalgebra::{Matrix3, Matrix3x4, SMatrix, Vector3};
 
@@ -7,12 +7,13 @@ use super::{
     state::{ROTATION, TURN},
 };
 
-/// How the flight stands to one pose: the error, and how the flight's pose there depends on its parameters.
+/// Residual of the flight at one pose: the error, and the dependence of the flight's pose there on its
+/// parameters.
 #[derive(Debug, Clone, Copy)]
 pub struct Row {
-    /// How much older than the newest pose this one is, in seconds.
+    /// Age of this pose before the newest one, in seconds.
     pub age_s: f64,
-    /// Where the pose is.
+    /// Position of the pose.
     pub p_W: Vector3<f64>,
     /// Turn and shift from the flight to the pose.
     pub turn: Vector3<f64>,

@@ -28,7 +28,8 @@ pub struct State {
 }
 
 impl State {
-    /// That of a flight; a decay of the spin that is known is not taken from it.
+    /// State of a flight at `time_s`. The decay of the spin is the flight's if it is estimated, else the
+    /// configured one.
     pub fn of(flight: &FlightTrajectory, time_s: f64, config: &Config) -> Self {
         let LocalFlight { X_WO, V_WO, .. } = flight.local_flight_at(time_s);
         let decays = config.aerodynamics.spin_decay_sd_per_s > 0.0;
@@ -42,7 +43,7 @@ impl State {
         }
     }
 
-    /// After a step.
+    /// State after a step.
     pub fn moved(&self, step: &SVector<f64, N>, config: &Config) -> Self {
         let turn = step.fixed_rows::<3>(TURN).into_owned();
         // Drag never accelerates; half the prior's width below zero is left to noise. One that is known stays
@@ -96,7 +97,7 @@ pub fn solved<const C: usize>(
     }
 }
 
-/// The same for the first `M` parameters alone; of the others it says zero.
+/// H⁻¹·B for the first `M` parameters alone; the rows of the others are zero.
 fn solved_first<const M: usize, const C: usize>(
     H: &SMatrix<f64, N, N>,
     B: &SMatrix<f64, N, C>,
@@ -112,7 +113,7 @@ mod tests {
     use super::*;
     use crate::trajectory_prediction::AerodynamicPrior;
 
-    /// Against the whole matrix, where orientations are seen or not, and the decay is known or not.
+    /// Compares with the whole matrix, where orientations are seen or not, and the decay is known or not.
     #[test]
     fn parameters_without_a_part_are_left_out() {
         let all = SMatrix::<f64, 20, N>::from_fn(|i, j| libm::sin(((1 + i) * (2 + j)) as f64));

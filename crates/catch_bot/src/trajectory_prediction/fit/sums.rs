@@ -58,7 +58,7 @@ impl Problem<'_> {
         sums
     }
 
-    /// What the noise between two ages leaves of what the poses till then tell.
+    /// Reduces the information of the poses up to here by the process noise between two ages.
     fn lose_to_noise<const M: usize>(
         &self,
         sums: &mut Sums,
@@ -144,7 +144,7 @@ impl Problem<'_> {
         gradient[DECAY] += decay * (state.decay_per_s - self.config.aerodynamics.spin_decay_per_s);
         let mut spin = Matrix3::identity();
         if let Symmetry::Axis { axis, axial_inertia, .. } = self.symmetry {
-            // What turns an axis is less than the spin about it.
+            // The angular velocity across the axis is less than the spin about it.
             let axis_W = state.R_WO * axis.into_inner();
             spin += axis_W * axis_W.transpose() * (axial_inertia.powi(-2) - 1.0);
         }

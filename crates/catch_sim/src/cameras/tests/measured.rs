@@ -20,7 +20,7 @@ struct Wall {
 }
 
 impl Wall {
-    /// At a depth of `z_m` everywhere, the object and the arm out of sight.
+    /// Image with a depth of `z_m` everywhere, the object and the arm out of sight.
     fn at(z_m: f64) -> Self {
         let X_WC = Pose::from_parts(
             nalgebra::Translation3::new(300.0, 0.0, z_m),
@@ -115,8 +115,8 @@ fn the_spread_of_a_depth_is_that_of_the_formula() {
     }
 }
 
-/// Of the variance of the disparity, `common_fraction` is between the means of images and the rest within
-/// them.
+/// Images have the fraction `common_fraction` of the variance of the disparity between their means, and the
+/// rest within them.
 #[test]
 fn an_image_has_its_fraction_of_the_error_in_common() {
     const FRAMES: u64 = 4000;
@@ -171,7 +171,7 @@ fn the_fraction_of_pixels_is_missing_that_should_be() {
     assert!((variance.sqrt() / sd_m - 1.0).abs() < 0.02, "{variance}");
 }
 
-/// On a floor seen at an angle the fraction rises linearly between the two angles of incidence.
+/// The missing fraction of a floor seen at an angle rises linearly between the two angles of incidence.
 #[test]
 fn grazing_surfaces_are_missed() {
     let [from, to] = [60.0_f64.to_radians(), 80.0_f64.to_radians()];
@@ -205,8 +205,8 @@ fn grazing_surfaces_are_missed() {
     assert!(bins.iter().filter(|bin| bin[1] > 100.0).count() >= 6);
 }
 
-/// Around the outline of a box that faces the camera before a floor: which pixels change, how many of them,
-/// and into what.
+/// Changes of pixels around the contour of a box that faces the camera before a floor: which pixels, how many
+/// of them, and into what.
 #[test]
 fn edges_bleed_and_pixels_fly() {
     const EXPOSURES: u64 = 400;

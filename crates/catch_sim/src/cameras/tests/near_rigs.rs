@@ -1,4 +1,4 @@
-//! What the rigs of near cameras see of flights, with the arm in its waiting pose between them.
+//! Views of flights in the rigs of near cameras, with the arm in its waiting pose between them.
 
 use catch_body::{Pose, dynamics};
 use catch_cell::rig_from_toml;
@@ -13,8 +13,8 @@ const MIN_PIXELS: usize = 30;
 /// Images in which a ball that nobody caught passes the arm's own body.
 const AFTER_CATCH: usize = 9;
 
-/// What a rig sees of the first throws of a kind, from the release until the ball is nearest to the base's
-/// axis, every 10 ms.
+/// Visibility in a rig of the first throws of a kind, from the release until the ball is nearest to the
+/// base's axis, every 10 ms.
 fn seen(rig: &str, throw: &str, throws: u64) -> Vec<Flight> {
     let read =
         |path: &str| std::fs::read_to_string(format!("{}/../../assets/{path}", env!("CARGO_MANIFEST_DIR"))).unwrap();
@@ -49,7 +49,7 @@ fn seen(rig: &str, throw: &str, throws: u64) -> Vec<Flight> {
     (0..throws).map(flight).collect()
 }
 
-/// In how many cameras the ball shows pixels enough, image by image.
+/// Number of cameras in which the ball shows enough pixels, image by image.
 #[derive(Debug, Default)]
 struct Flight {
     cameras: Vec<usize>,
