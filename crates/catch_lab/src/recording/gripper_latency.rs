@@ -26,7 +26,7 @@ const REST_M: f64 = 2e-4;
 const MOVED_M: f64 = 1e-3;
 /// Moves that should go no further than this tell nothing, in metres.
 const LEAST_TRAVEL_M: f64 = 3e-3;
-/// How long after its start a move is looked at, in seconds.
+/// Duration after the start of a move in which the fingers are observed, in seconds.
 const LONGEST_S: f64 = 0.5;
 
 /// Latency of one move.
@@ -34,16 +34,16 @@ const LONGEST_S: f64 = 0.5;
 pub struct MoveLatency {
     /// The recording.
     pub recording: PathBuf,
-    /// When the move was commanded to start, on the cell's clock.
+    /// Commanded start of the move, on the cell's clock.
     pub start_s: f64,
-    /// How long the fingers took to begin it.
+    /// Time from the start to the first motion of the fingers.
     pub latency_s: f64,
 }
 
 /// Moves that tell no latency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct UnusedMoves {
-    /// Their command arrived after their start: they start then, which is not recorded.
+    /// Moves whose command arrived after their start: the true start is not recorded.
     pub late: usize,
     /// The fingers did not rest where they had been sent before.
     pub not_at_rest: usize,
@@ -58,9 +58,9 @@ pub struct GripperLatency {
     pub median_s: f64,
     /// The quartiles: half of the moves are between them.
     pub quartiles_s: [f64; 2],
-    /// What was measured, move by move.
+    /// Latency of each measured move.
     pub moves: Vec<MoveLatency>,
-    /// What could not be.
+    /// Moves that could not be measured.
     pub unused: UnusedMoves,
 }
 
@@ -104,11 +104,11 @@ struct SensedWidth {
 struct StartedMove {
     start_s: f64,
     width_m: f64,
-    /// Whether its command arrived before its start.
+    /// True if the command arrived before its start.
     is_timely: bool,
 }
 
-/// What a recording tells of the gripper.
+/// Recorded moves and widths of the gripper.
 #[derive(Debug)]
 struct RecordedMoves {
     fingers: Closing,
@@ -172,7 +172,7 @@ impl RecordedMoves {
         (is_near(earlier.width_m) && sent_to_m.is_none_or(is_near)).then_some(last.width_m)
     }
 
-    /// When the fingers began to move from `rest_m` toward `target_m`.
+    /// Finds the time at which the fingers began to move from `rest_m` toward `target_m`.
     fn onset_s(&self, [start_s, until_s]: [f64; 2], rest_m: f64, target_m: f64, step_m: f64) -> Option<f64> {
         let sensed = self.widths.iter().filter(|it| it.time_s > start_s && it.time_s <= until_s);
         let onsets = sensed.filter_map(|it| {
