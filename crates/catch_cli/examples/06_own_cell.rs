@@ -34,7 +34,7 @@ const FRAME_S: f64 = 0.01;
 const LATENCY_S: f64 = 0.004;
 const EXPECTED_LATENCY_S: f64 = 0.005;
 
-/// What is known of the cell: the clock, what the drives execute, and where the cameras are.
+/// Cell of one's own: the clock, the drives' commands, and the cameras.
 struct OwnCell {
     time_s: f64,
     arm: Executor,
@@ -45,7 +45,7 @@ struct OwnCell {
     cameras: Vec<CameraModel>,
 }
 
-/// Where the ball is: thrown past the arm from 3.9 m.
+/// Position of the ball, thrown past the arm from 3.9 m.
 fn ball(time_s: f64) -> Point3<f64> {
     Point3::new(2.517, 2.981, 0.401) + Vector3::new(-2.29, -3.82, 4.4) * time_s
         - Vector3::z() * (9.81 / 2.0 * time_s * time_s)
@@ -68,7 +68,7 @@ fn image(camera: usize, model: &CameraModel, time_s: f64) -> DepthFrame {
 }
 
 impl Cell for OwnCell {
-    /// What a driver returns when a device does not answer; nothing fails here.
+    /// Error of a driver whose device does not answer; nothing fails here.
     type Error = CellFault;
 
     fn sense(&mut self) -> Result<Observation, CellFault> {

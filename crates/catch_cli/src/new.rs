@@ -13,10 +13,10 @@ use crate::screen;
 /// Arguments of `new`.
 #[derive(Debug, Args)]
 pub struct NewArguments {
-    /// What it is to be
+    /// Kind of the new file
     #[arg(value_enum)]
     kind: NewKind,
-    /// Its name: letters, digits, `_` and `-`
+    /// Name: letters, digits, `_` and `-`
     #[arg(value_name = "NAME")]
     name: String,
     /// Folder to put it in
@@ -30,7 +30,7 @@ enum NewKind {
     Robot,
     /// A gripper with two parallel fingers
     Gripper,
-    /// What stands around the arm
+    /// Surroundings of an arm
     Workcell,
     /// The data sheet of a camera
     Camera,

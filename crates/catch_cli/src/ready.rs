@@ -54,7 +54,7 @@ struct Answer<'a> {
     throws: usize,
     mean_cost: f64,
     median_travel_rad: f64,
-    /// The same of as many throws that the pose was not chosen for.
+    /// Result for as many throws that the pose was not chosen for.
     other_throws: OtherThrows,
 }
 

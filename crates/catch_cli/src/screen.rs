@@ -1,5 +1,5 @@
-//! What appears on the terminal. Colours only where the output is a terminal; results on standard output,
-//! faults on standard error.
+//! Output on the terminal. Colours only where the output is a terminal; results on standard output, faults on
+//! standard error.
 
 use std::{
     io::{self, IsTerminal, Write},
@@ -30,8 +30,8 @@ pub const FAINT: Style = Style::new().dimmed();
 /// Width of the column of labels.
 const LABEL_WIDTH: usize = 24;
 
-/// What is said when somebody presses Ctrl-C, which then ends the program as ever. Once is enough: what is
-/// said stays.
+/// Prints a message when somebody presses Ctrl-C, which then ends the program as ever. The message is printed
+/// once.
 pub fn at_interrupt(said: String) {
     let pressed = Arc::new(AtomicBool::new(false));
     let is_pressed = pressed.clone();
@@ -48,7 +48,7 @@ pub fn at_interrupt(said: String) {
     }
 }
 
-/// How often it is looked whether somebody did.
+/// Period of the check for Ctrl-C.
 const LOOKS_EVERY: Duration = Duration::from_millis(50);
 /// Exit code of a program that an interrupt ended: 128 and the signal's number.
 const INTERRUPTED: i32 = 130;

@@ -30,7 +30,7 @@ scenario. What is predicted is the position 0.6 s after the release, and the arm
 
 /// For when positions are predicted, after the release: shortly before objects are caught.
 const PREDICTED_FOR_S: f64 = 0.6;
-/// How long before that, in seconds.
+/// Times from the prediction to that instant, in seconds.
 const TO_GO_S: [f64; 4] = [0.4, 0.3, 0.2, 0.1];
 /// Recorded throws that are learned from at least, and parts of the cross-validation.
 const LEAST_THROWS: usize = 5;

@@ -17,7 +17,7 @@ use crate::{Findings, Options};
 /// A table; its first columns say what the condition is.
 #[derive(Debug, Clone, Serialize)]
 pub struct Table {
-    /// What stands above it.
+    /// Title of the table.
     pub title: String,
     /// Names of the columns, with their units.
     pub columns: Vec<String>,
@@ -25,13 +25,13 @@ pub struct Table {
     pub rows: Vec<Vec<Entry>>,
 }
 
-/// What stands in one place of a table.
+/// Entry of a table.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Entry {
     /// A word.
     Text(String),
-    /// How often.
+    /// A number of things.
     Count(usize),
     /// A measured value; none where nothing was measured.
     Number(Option<f64>),
@@ -76,7 +76,7 @@ impl Entry {
     }
 }
 
-/// What was run where.
+/// Provenance of the results: command, version, machine and seed.
 #[derive(Debug, Serialize)]
 struct Provenance {
     command: String,

@@ -93,7 +93,8 @@ pub struct Score {
     /// Expected standard deviation along each axis of the position at the catch that is predicted when it is
     /// decided, in metres, of each throw in rising order.
     pub decision_sd_m: Vec<f64>,
-    /// Expected standard deviation along each axis, in metres, when the fingers begin to close.
+    /// Expected standard deviation along each axis of the position at the catch that is predicted when the
+    /// fingers begin to close, in metres, of each throw in rising order.
     pub closing_sd_m: Vec<f64>,
 }
 

@@ -126,7 +126,7 @@ pub struct Identity {
     pub seed: u64,
     /// Number of the first throw.
     pub first: u64,
-    /// Set for each cell in which every trial has the same throw.
+    /// Flags of the cells in which every trial has the same throw.
     pub throws_are_fixed: Vec<bool>,
     /// The scenario of each cell, all choices made.
     pub cells: Vec<Scenario>,

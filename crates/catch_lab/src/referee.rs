@@ -55,7 +55,7 @@ pub struct Verdict {
     /// True if the authors' code counts it as caught: less than 5 cm.
     #[serde(default)]
     pub caught_paper_code: bool,
-    /// True if the object is squeezed 0.4 s after that, at 1.275 s.
+    /// True if the object is squeezed at 1.275 s, 0.4 s after the instant of the paper's measure.
     #[serde(default)]
     pub held_later: bool,
     /// True if the object was caught and held, with broken limits of the arm ignored.

@@ -25,7 +25,7 @@ use crate::{
     trial::line,
 };
 
-/// What is evaluated, all arguments checked.
+/// Evaluation that is asked for, with all arguments checked.
 pub struct Asked {
     /// The setup as Python has it.
     pub setup: Py<PyAny>,

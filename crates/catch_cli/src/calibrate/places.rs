@@ -1,4 +1,4 @@
-//! What a calibration writes: a rig, a page, and for each camera the files of ROS.
+//! Files of a calibration: a rig, a page, and for each camera the files of ROS.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use catch_lab::scenario::setup::Setup;
 
 use super::{CalibrateArguments, status};
 
-/// Where results are written.
+/// Paths of the results.
 pub struct Places {
     /// The rig.
     pub rig: PathBuf,
@@ -20,7 +20,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// Those within a folder, for so many cameras.
+    /// Paths within a folder, for so many cameras.
     pub fn of(out: &Path, cameras: usize) -> Self {
         let of_camera = |i| ["yaml", "calib"].map(|kind| out.join(format!("camera_{i}.{kind}")));
         Self {

@@ -1,4 +1,4 @@
-//! What is written for people to look at, without a browser.
+//! Pages and pictures written for people, checked without a browser.
 
 use std::{fs, path::Path};
 
@@ -19,7 +19,7 @@ fn read(document: &Value) -> Playback {
     Playback::read(Path::new(document["recording"].as_str().unwrap())).unwrap()
 }
 
-/// What stands in the page's element of data.
+/// Reads the page's data element.
 fn data_of(page: &str) -> Value {
     let text = page.split("<script type=\"application/json\" id=\"data\">").nth(1).unwrap();
     serde_json::from_str(text.split("</script>").next().unwrap()).unwrap()

@@ -31,7 +31,7 @@ fn complaint(arguments: &[&str]) -> String {
     complaint
 }
 
-/// The same for faults that are told in a single line.
+/// Checks that a fault is reported in a single line.
 fn one_line(arguments: &[&str], hints: &[&str]) {
     let complaint = complaint(arguments);
     assert_eq!(complaint.lines().count(), 1, "{complaint}");

@@ -103,7 +103,7 @@ const PREDICTIONS: &str = "prediction_errors_m";
 /// Prefix of the columns of the oracle's result; only misses have it.
 const REACH: &str = "reach";
 const REACHES: &[&str] = &["from_first_image_s", "from_release_s"];
-/// Prefix of the columns of the conditions drawn for the throw.
+/// Prefix of the columns of the conditions drawn for the throw; then name and JSON path of each column.
 const CONDITIONS: &str = "conditions";
 const DRAWN: &[(&str, &str)] = &[
     ("release_x_m", "/release/position_m/0"),

@@ -164,7 +164,7 @@ fn calibrated(throws: &[&Studied<'_>], prior: &FlightPrior) -> FlightPrior {
 /// Fraction of the ends that the 95 % ellipsoid is to cover whatever is seen.
 const COVERED: f64 = 0.945;
 
-/// Ratio of the standard deviation of an unknown object to the spread of the known ones.
+/// Factor of the standard deviations of an unknown object over those of the known ones.
 const UNKNOWN: f64 = 1.5;
 
 /// A prior for any object: as those known, with no direction of the body frame told from another.

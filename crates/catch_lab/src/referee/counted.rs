@@ -19,7 +19,7 @@ pub(super) struct Counted {
     pub is_within_text: bool,
     /// True if the object is near enough for the authors' code.
     pub is_within_code: bool,
-    /// True if the object is squeezed at [`HELD_LATER_S`].
+    /// True if the object is squeezed 0.4 s after the instant of the paper's measure.
     pub is_held_later: bool,
 }
 

@@ -12,8 +12,8 @@ pub const LEADS_S: [f64; 5] = [0.5, 0.4, 0.3, 0.2, 0.1];
 pub struct Measures {
     /// Error of the object's position at the catch in the last prediction before it.
     pub prediction_error_m: Option<f64>,
-    /// Error of the object's orientation at the catch in that prediction, modulo rotations under which the
-    /// object looks the same.
+    /// Error of the object's orientation at the catch in the last prediction before it, modulo rotations
+    /// under which the object looks the same.
     #[serde(default)]
     pub prediction_rotation_error_rad: Option<f64>,
     /// Errors of the position predicted [`LEADS_S`] before the catch, where there was a prediction by then.
@@ -59,7 +59,7 @@ pub struct Measures {
     /// The object's impulse on the gripper in the first 20 ms after the first contact, in N·s.
     #[serde(default)]
     pub catch_impulse_ns: Option<f64>,
-    /// Largest impulse of this impact at any joint, in N·m·s.
+    /// Largest joint impulse Jᵀ·(impulse of the catch and its moment), of any joint, in N·m·s.
     #[serde(default)]
     pub catch_joint_impulse_nms: Option<f64>,
     /// Highest velocity of a joint over its limit, impacts included.

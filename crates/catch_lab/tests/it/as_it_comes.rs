@@ -17,7 +17,7 @@ fn setup() -> Setup {
 
 const TICKS: usize = 60;
 
-/// What is sensed in a throw while the brain of the scenario catches.
+/// Records the observations of a throw while the brain of the scenario catches.
 fn sensed(setup: &Setup) -> Vec<Observation> {
     let (mut arena, mut brain) = (setup.arena(3, 1), setup.brain(3, 1));
     let tick = |_| {

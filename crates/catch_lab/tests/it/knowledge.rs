@@ -49,7 +49,7 @@ fn numbers(path: &str, value: &Value, found: &mut Vec<(String, [Value; 3])>) {
     }
 }
 
-/// Whether a throw is the same in two setups in everything that is drawn.
+/// Checks that a throw is the same in two setups in everything that is drawn.
 fn assert_same_conditions(one: &Setup, other: &Setup, what: &str) {
     for index in 0..3 {
         assert_eq!(one.conditions(SCENE.0, index), other.conditions(SCENE.0, index), "{what}");

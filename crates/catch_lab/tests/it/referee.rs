@@ -189,7 +189,7 @@ fn conditions_are_those_of_the_trial() {
     assert_eq!(serde_json::from_str::<catch_sim::ThrowConditions>(&text).unwrap(), told);
 }
 
-/// What is changed → the reason that it is missed for; none where it is still a catch.
+/// A changed trial has the reason of the change; none where it is still a catch.
 #[test]
 fn a_throw_that_was_held_is_lost_for_one_reason() {
     let while_held = [0.8, 0.81];
@@ -223,7 +223,7 @@ fn a_throw_that_was_held_is_lost_for_one_reason() {
     assert_eq!((slid(disturbed_s, 0.035), slid(disturbed_s, 0.06)), (None, Some(Reason::Dropped)));
 }
 
-/// What both fingers never held is missed for the first cause in the order in which things go wrong.
+/// A throw that both fingers never held is missed for the first cause in the order in which things go wrong.
 #[test]
 fn a_throw_that_was_never_held_is_missed_for_its_cause() {
     let aside = Vector3::new(0.0, 0.1, 0.0);
@@ -391,7 +391,7 @@ fn impulses_and_instants_of_contact_are_those_of_the_samples() {
     assert!((peak_ns - 7.0).abs() < 1e-12 && measures.peak_contact_impulse_ns < 7.0);
 }
 
-/// What the servo and the brain say is passed on.
+/// The counts of the servo and the brain are passed on.
 #[test]
 fn what_servo_and_brain_count_is_in_the_measures() {
     let by_servo = judged(|it| {

@@ -12,14 +12,14 @@ use catch_lab::{
 
 use crate::source::root;
 
-/// Where a setting matters.
+/// Scenario in which a setting matters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Where {
     /// In a throw of the scenario honest: commands of the brain and what truly happens.
     Honest,
     /// In one of the paper's throws.
     Paper,
-    /// The same, by the paper's method as published.
+    /// In one of the paper's throws, by the paper's method as published.
     AsPublished,
     /// In the world alone, with commands that are always the same.
     World,
@@ -30,7 +30,7 @@ enum Where {
 }
 use Where::{AsPublished, Calibrated, Honest, Life, Paper, World};
 
-/// Where each setting matters, settings that it needs to matter, and another value of it.
+/// Settings: the scenario in which each matters, settings that it needs to matter, and another value of it.
 const ALL: &[(Where, &[&str], &str)] = &[
     (Honest, &[], "limit_scale.velocity=0.5"),
     (Honest, &[], "limit_scale.acceleration=0.5"),
@@ -265,7 +265,7 @@ impl Where {
     }
 }
 
-/// What an image shows.
+/// Hash of the depths and the mask of an image.
 fn hash(frame: &DepthFrame) -> u64 {
     let depths = frame.depth_m.iter().map(|it| u64::from(it.to_bits()));
     let masked = frame.mask.iter().flatten().map(|it| u64::from(*it));

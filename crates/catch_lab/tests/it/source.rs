@@ -35,8 +35,8 @@ pub fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|fault| panic!("{}: {fault}", path.display()))
 }
 
-/// Whether a file holds nothing but tests or examples: it lies in a folder of them, or its parent says
-/// `#[cfg(test)] mod …;`.
+/// Returns whether a file holds nothing but tests or examples: it lies in a folder of them, or its parent
+/// says `#[cfg(test)] mod …;`.
 pub fn is_test_file(path: &Path) -> bool {
     if path.iter().any(|folder| folder == "tests" || folder == "benches" || folder == "examples") {
         return true;

@@ -45,7 +45,7 @@ impl Setup {
         Err(self.fault(found, "a release that touches nothing: 1 mm or more from hand, arm, floor and obstacles"))
     }
 
-    /// Whether the flight meets the floor within a trial, if nothing is in its way.
+    /// Checks that the flight meets the floor within a trial, if nothing is in its way.
     fn check_flight(&self, seed: u64, index: u64) -> Result<(), InputError> {
         let (release, conditions) = (self.release(seed, index), self.conditions(seed, index));
         let flight = FreeFlight::new(&self.object, &release, &conditions, STEP_S);

@@ -1,4 +1,4 @@
-//! Where the picture is taken from.
+//! Camera of the picture.
 
 use catch_body::Pose;
 use catch_cell::CameraModel;

@@ -1,4 +1,4 @@
-//! What the depth cameras saw, as points in W.
+//! Points of the depth cameras' images, in W.
 
 use catch_body::Pose;
 use nalgebra::Point3;
@@ -14,7 +14,7 @@ const NEAR_RADII: f64 = 2.0;
 /// Points tick by tick.
 #[derive(Debug, Clone, Serialize)]
 pub struct PackedPoints {
-    /// When the images were taken, for each set of points, from the beginning of the recording.
+    /// Capture time of the images, for each set of points, from the beginning of the recording.
     time_s: Vec<f64>,
     /// Number of the first point of each set, and the number of all points at the end.
     first: Vec<usize>,
