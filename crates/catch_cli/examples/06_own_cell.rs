@@ -40,7 +40,7 @@ struct OwnCell {
     arm: Executor,
     gripper: GripperQueue,
     fingers: GripperMove,
-    /// Under way, with its time of arrival.
+    /// Command under way, with its time of arrival.
     command: Option<(f64, Command)>,
     cameras: Vec<CameraModel>,
 }

@@ -130,7 +130,7 @@ struct FlightsDocument {
 #[derive(Serialize)]
 pub struct CameraDocument {
     status: &'static str,
-    /// In W, as it is believed to stand from then on.
+    /// Calibrated position in W.
     position_m: [f64; 3],
     rotation_xyzw: [f64; 4],
     /// Root of the sum of the variances along all axes.
@@ -151,7 +151,7 @@ pub struct CameraDocument {
 /// Calibrates the cameras of a scenario's arena.
 ///
 /// # Errors
-/// What is wrong with the choice or the files, or with writing.
+/// Faults of the choice or the files, or of writing.
 pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     let OutputArguments { out, json } = &arguments.output;
     make_writable(out, "--out")?;

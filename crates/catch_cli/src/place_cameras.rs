@@ -59,7 +59,7 @@ pub struct PlaceCamerasArguments {
     /// The opposite corner
     #[arg(long, value_name = "X,Y,Z", value_parser = corner, default_value_t = Corner(Config::default().volume_m[1]), allow_hyphen_values = true)]
     to: Corner,
-    /// Between neighbouring places on a wall, in metres
+    /// Distance between neighbouring places on a wall, in metres
     #[arg(long, value_name = "METRES", default_value_t = Config::default().spacing_m, value_parser = between(0.05, 5.0))]
     spacing: f64,
     /// Time from the decision to the catch, in seconds
@@ -160,7 +160,7 @@ impl RigDocument {
 /// Places cameras, writes their rig and a page, and compares them with the scenario's.
 ///
 /// # Errors
-/// What is wrong with the choice, or with writing.
+/// Faults of the choice, or of writing.
 pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
     let OutputArguments { out, json } = &arguments.output;
     let (rig_path, page_path) = (out.join("rig.toml"), out.join("cameras.html"));

@@ -68,7 +68,7 @@ struct OtherThrows {
 /// Searches from the scenario's present pose and prints what it finds.
 ///
 /// # Errors
-/// What is wrong with the choice, or with writing the answer.
+/// Faults of the choice, or of writing the answer.
 pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
     let some_or_none = |names: &[String]| -> Vec<Option<String>> {
         if names.is_empty() { vec![None] } else { names.iter().cloned().map(Some).collect() }

@@ -134,7 +134,7 @@ struct Reach {
 /// Imports a robot.
 ///
 /// # Errors
-/// What is wrong with the description, the options or the folder.
+/// Faults of the description, the options or the folder.
 pub fn run(arguments: &RobotArguments) -> anyhow::Result<()> {
     let RobotCommand::Import(arguments) = &arguments.command;
     import(arguments)

@@ -18,13 +18,13 @@ use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, TableComponent
 use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::SIGINT;
 
-/// For what went well.
+/// Style of results that are good.
 pub const GOOD: Style = AnsiColor::Green.on_default().bold();
-/// For what did not.
+/// Style of results that are bad.
 pub const BAD: Style = AnsiColor::Red.on_default().bold();
-/// For what stands out.
+/// Style of emphasized text.
 pub const STRONG: Style = Style::new().bold();
-/// For what stands back.
+/// Style of secondary text.
 pub const FAINT: Style = Style::new().dimmed();
 
 /// Width of the column of labels.

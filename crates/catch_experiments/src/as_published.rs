@@ -174,7 +174,7 @@ fn prices(options: &Options, count: usize) -> Result<Table> {
     Ok(table)
 }
 
-/// By how many points one rate is above another of the same throws.
+/// Difference of two rates of the same throws, in points.
 fn change(before: &[Verdict], after: &[Verdict], counts: fn(&Verdict) -> bool) -> String {
     let pairs = || before.iter().zip(after).map(|(before, after)| (counts(before), counts(after)));
     let gained = pairs().filter(|pair| *pair == (false, true)).count();

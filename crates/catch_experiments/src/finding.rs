@@ -21,7 +21,7 @@ use crate::{
 const ENTERED_M: f64 = 3.0;
 /// A pose that is farther off is none of the object.
 const RIGHT_M: f64 = 0.15;
-/// After how long a flight is over.
+/// Time after which a flight is over, in seconds.
 const LONGEST_S: f64 = 1.2;
 /// Duration without any flight, in seconds.
 const EMPTY_S: f64 = 1.0;
@@ -83,7 +83,7 @@ fn found(setup: &Setup, seed: u64, index: u64) -> (Option<f64>, Option<f64>) {
 struct Empty {
     observations: usize,
     images: usize,
-    /// With a pose.
+    /// Number of observations with a pose.
     poses: usize,
     started: bool,
 }

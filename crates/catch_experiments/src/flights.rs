@@ -20,9 +20,9 @@ use crate::{
 
 /// Duration for which the brain sees the object, in seconds.
 const SEEN_S: f64 = 0.2;
-/// After how long the prediction is compared first, and then at the end.
+/// Time of the first comparison of the prediction, in seconds; the second is at the end.
 const EARLY_S: f64 = 0.1;
-/// For when positions are predicted: shortly before objects are caught.
+/// Time for which positions are predicted, in seconds: shortly before objects are caught.
 const PREDICTED_FOR_S: f64 = 0.55;
 /// A first pose that is farther off is a wrong one.
 const WRONG_M: f64 = 0.01;
@@ -46,7 +46,7 @@ pub struct Condition {
 }
 
 impl Condition {
-    /// In the scenario of the paper.
+    /// Creates a condition in the scenario of the paper.
     fn in_paper(labels: &[&'static str], settings: &[&'static str]) -> Self {
         Self { labels: labels.to_vec(), scenario: "paper", throws: &THROWS, settings: settings.to_vec() }
     }
@@ -250,7 +250,7 @@ impl Errors {
     }
 }
 
-/// By depth noise, with labels and without.
+/// Table by depth noise, with labels and without.
 pub fn perception(options: &Options) -> Result<Findings> {
     let conditions = noises_and_labels();
     Ok(Findings { legend: LEGEND, tables: vec![table("By noise", &["noise", "labels"], &conditions, options)?] })

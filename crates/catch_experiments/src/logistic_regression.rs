@@ -31,7 +31,7 @@ pub struct LogisticRegression<'a> {
 pub struct Coefficients {
     /// The coefficients β.
     pub beta: DVector<f64>,
-    /// By the inverse of the Hessian over the coefficients that are free.
+    /// Standard errors from the inverse of the Hessian over the coefficients that are free.
     pub standard_errors: Vec<Option<f64>>,
 }
 
@@ -99,7 +99,7 @@ impl LogisticRegression<'_> {
         self.X.transpose() * ((self.X * beta).map(logistic) - self.y) + self.ridge.component_mul(beta)
     }
 
-    /// Over the coefficients that are free.
+    /// Hessian over the coefficients that are free.
     fn hessian(&self, beta: &DVector<f64>, free: &[usize]) -> DMatrix<f64> {
         let p = (self.X * beta).map(logistic);
         let X = self.X.select_columns(free);

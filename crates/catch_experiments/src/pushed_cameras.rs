@@ -33,7 +33,7 @@ brain named another one, or this one before the push. In half as many lives with
 
 /// Result of a life.
 struct Pushed {
-    /// After the push, from 1 on; none if it was not noticed.
+    /// Number of the throw after the push that noticed it, from 1 on; `None` if none did.
     throw: Option<usize>,
     named_wrongly: bool,
 }

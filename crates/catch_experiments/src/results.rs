@@ -62,7 +62,7 @@ impl Entry {
         Self::Text(text.into())
     }
 
-    /// To three digits, as people read it.
+    /// Formats the entry with three digits.
     fn markdown(&self) -> String {
         match self {
             Self::Text(text) => text.clone(),

@@ -50,7 +50,7 @@ pub struct Config {
     pub seed: u64,
     /// Opposite corners of the volume on whose walls and ceiling cameras may hang, in W.
     pub volume_m: [[f64; 3]; 2],
-    /// Between neighbouring places on a wall.
+    /// Distance between neighbouring places on a wall.
     pub spacing_m: f64,
     /// Time from the decision to the catch.
     pub decision_s: f64,
@@ -305,7 +305,7 @@ impl<'a> PlacementStudy<'a> {
         Point3::from(self.flights.iter().map(place).sum::<Vector3<f64>>() / self.flights.len().max(1) as f64)
     }
 
-    /// At which instants of each throw a camera shows the object.
+    /// Returns the instants of each throw at which a camera shows the object.
     pub fn sight(&self, camera: &CameraModel) -> Vec<Vec<bool>> {
         let X_WL = self.setup.robot.link_poses(&self.setup.robot.ready_q);
         let arm: Vec<_> = self.arm.parts(&X_WL, self.setup.gripper.max_width_m).collect();

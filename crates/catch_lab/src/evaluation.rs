@@ -47,7 +47,7 @@ pub struct BrainFactory(Arc<MakeBrain>);
 type MakeBrain = dyn Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync;
 
 impl BrainFactory {
-    /// By a function of setup, seed and number of the throw.
+    /// Creates a factory from a function of setup, seed and number of the throw.
     pub fn new(make: impl Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync + 'static) -> Self {
         Self(Arc::new(make))
     }

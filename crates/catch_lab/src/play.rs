@@ -204,8 +204,8 @@ impl LivingCell {
         observation.time_s
     }
 
-    /// From the release to the end of the referee's test, with the clock set to zero at the release; and the
-    /// object for which the brain took what flew.
+    /// Runs from the release to the end of the referee's test, with the clock set to zero at the release.
+    /// Returns also the index of the object that the brain identified.
     fn trial(&mut self, setup: &Setup, released_s: f64) -> (Trial, Option<usize>) {
         let mut watch = EndWatch::of_release(&mut self.arena);
         let (mut snapshots, mut identified) = (Vec::new(), None);
@@ -223,7 +223,7 @@ impl LivingCell {
         }
     }
 
-    /// Until the arm waits again, and at least until `earliest_s`.
+    /// Runs until the arm waits again, and at least until `earliest_s`.
     fn until_ready(&mut self, setup: &Setup, earliest_s: f64) -> Ready {
         let mut ready = Ready { ended_early: None, violations: 0, excursions: 0, left_W: None };
         // Since when the arm has not been waiting.

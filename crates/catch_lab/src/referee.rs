@@ -26,9 +26,9 @@ use reason::Reason;
 use samples::{is_squeezed, relative_velocity, sample_before};
 pub use samples::{sample_at, undisturbed_position};
 
-/// From the first contact on: when the object has to be held, and until when.
+/// Start of the test in which the object has to be held, in seconds after the first contact.
 const HELD_FROM_S: f64 = 0.5;
-/// The end of the test.
+/// End of the test, in seconds after the first contact.
 pub(crate) const HELD_UNTIL_S: f64 = 1.5;
 /// Largest speed of a held object relative to the gripper.
 const HELD_SPEED_MPS: f64 = 0.02;
@@ -36,7 +36,7 @@ const HELD_SPEED_MPS: f64 = 0.02;
 const DISTURBANCE_SPEED_MPS: f64 = 0.05;
 /// Largest speed of a joint of an arm at rest.
 const AT_REST_RADPS: f64 = 0.02;
-/// Over how long that speed is taken.
+/// Duration over which the speed in the hand is averaged, in seconds.
 const SPEED_OVER_S: f64 = 0.01;
 /// Largest time from the planned catch to the instant at which the object is nearest the grasp centre.
 const NEAREST_WITHIN_S: f64 = 0.04;

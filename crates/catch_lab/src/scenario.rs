@@ -129,7 +129,7 @@ impl Scenario {
     /// Reads a scenario, and lists every value that cannot be used instead of the first.
     ///
     /// # Errors
-    /// What is no value out of its range.
+    /// Faults other than values out of their ranges.
     pub fn with_faults(asset: &Asset) -> Result<(Self, Vec<InputError>), InputError> {
         let mut table = inheritance::extended(asset)?;
         depth_errors::fill_in(&mut table, &asset.file)?;

@@ -19,7 +19,7 @@ use crate::{
 };
 use catch_recording::{Tick, brain::ObservedBrain};
 
-/// From the first contact with the gripper on: how long until the world shakes.
+/// Time from the first contact with the gripper to the disturbance test, in seconds.
 const DISTURBANCE_AFTER_S: f64 = 1.0;
 /// Duration of the disturbance test, in seconds; then the trial ends.
 const DISTURBANCE_FOR_S: f64 = 0.5;
@@ -58,7 +58,7 @@ pub struct Trial {
 /// then; it ends the trial by an error.
 ///
 /// # Errors
-/// Those of the observer.
+/// Errors of the observer.
 pub fn run(
     setup: &Setup,
     seed: u64,
@@ -71,7 +71,7 @@ pub fn run(
 /// Runs a trial with any brain that has seen nothing yet.
 ///
 /// # Errors
-/// Those of the observer.
+/// Errors of the observer.
 pub fn run_brain<E>(
     brain: &mut dyn ObservedBrain,
     setup: &Setup,
@@ -161,7 +161,7 @@ pub struct EndWatch {
 }
 
 impl EndWatch {
-    /// For the object that is being released in an arena, which is told when to shake it.
+    /// Creates the watch for the object that is being released, and schedules the arena's disturbance test.
     pub fn of_release(arena: &mut Arena) -> Self {
         arena.disturb_after_contact(DISTURBANCE_AFTER_S);
         Self { released_s: arena.time_s(), samples_seen: 0, gripper_s: None, floor_s: None, deflected_s: None }

@@ -52,7 +52,7 @@ impl Robot {
         Self { model: model.clone(), texts }
     }
 
-    /// With a gripper, as recordings keep them.
+    /// Returns the texts of arm and gripper, as recordings keep them.
     pub fn sources(&self, gripper: &Gripper) -> Sources {
         let Texts { urdf, toml, workcell, limit_scale } = &self.texts;
         Sources {

@@ -26,7 +26,7 @@ pub struct Flight {
 }
 
 enum Kind {
-    /// Through a track, and as planners take it where its z points up.
+    /// Flight through a track, and as planners take it where its z points up.
     Track(Box<flight::Flight>, Option<Box<FlightTrajectory>>),
     /// Flight as a brain predicts it, in W.
     Brain(Box<FlightTrajectory>),

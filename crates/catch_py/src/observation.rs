@@ -109,9 +109,9 @@ pub struct DepthFrame {
 }
 
 enum Image {
-    /// In an observation, at this index.
+    /// Image in an observation, at this index.
     Sensed(Arc<Sensed>, usize),
-    /// By itself.
+    /// Image by itself.
     Alone(Box<catch_cell::DepthFrame>),
 }
 

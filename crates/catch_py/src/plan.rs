@@ -14,7 +14,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// For an arm with `dof` joints.
+    /// Creates the plan for an arm with `dof` joints.
     pub fn new(decision: Decision, dof: usize) -> Self {
         Self { decision, dof }
     }

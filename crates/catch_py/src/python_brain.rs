@@ -27,7 +27,7 @@ impl Ending {
         self.fault.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
     }
 
-    /// From now on nothing is asked any more.
+    /// Ends the evaluation: nothing is asked any more.
     pub fn come(&self) {
         self.has_come.store(true, Ordering::Relaxed);
     }

@@ -50,7 +50,7 @@ impl RegisteredPose {
         self.found.residual_m
     }
 
-    /// Under what the reference looks the same: `none`, `half_turn`, `finite`, `axis` or `sphere`.
+    /// Symmetry of the reference: `none`, `half_turn`, `finite`, `axis` or `sphere`.
     #[getter]
     fn symmetry(&self) -> &'static str {
         self.found.symmetry

@@ -37,7 +37,7 @@ enum State {
     Flying { episode: Box<Episode>, sensed: Option<(f64, Instant)> },
     /// The referee has judged.
     Done(Box<Row>),
-    /// By the user.
+    /// Closed by the user.
     Closed,
 }
 

@@ -44,9 +44,9 @@ impl Display for Method {
 pub struct BrainSettings {
     /// Seed of everything that is drawn at random.
     pub seed: u64,
-    /// From images to the object's pose.
+    /// Estimation of the object's pose from images.
     pub perception: perception::Config,
-    /// From poses to a flight.
+    /// Prediction of the flight from poses.
     pub trajectory_prediction: trajectory_prediction::Config,
     /// Selection of the grasp.
     pub grasp_selection: grasp_selection::Config,

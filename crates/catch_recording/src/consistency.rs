@@ -5,7 +5,7 @@ use catch_cell::{CameraModel, DepthFrame};
 
 use crate::recording::{RecordedCell, RecordedTick};
 
-/// From the first to the last instant of a recording at most, in seconds.
+/// Longest duration of a recording, in seconds.
 const MOST_DURATION_S: f64 = 1e5;
 /// Longest time from now to the end of a plan, in seconds.
 const MOST_AHEAD_S: f64 = 100.0;

@@ -32,7 +32,7 @@ pub trait Channel: DeserializeOwned {
     /// Checks that its values are consistent; `file` is the recording.
     ///
     /// # Errors
-    /// What does not fit.
+    /// The first inconsistent value.
     fn check(&self, _file: &str) -> Result<(), InputError> {
         Ok(())
     }

@@ -15,7 +15,7 @@ pub struct Places {
     pub rig: PathBuf,
     /// The page.
     pub page: PathBuf,
-    /// For each camera its intrinsics and where it stands, as ROS keeps them.
+    /// Paths of each camera's intrinsics and pose, in the formats of ROS.
     cameras: Vec<[PathBuf; 2]>,
 }
 
@@ -68,7 +68,7 @@ impl Places {
     }
 }
 
-/// None of a camera whose calibration is not to be believed.
+/// Returns the calibration for the rig; `None` if it did not converge.
 fn rig_calibration(found: &CameraCalibration) -> Option<RigCalibration> {
     let Residuals { images, inverse_depth_sd_per_m, silhouette_sd_px, .. } = found.residuals;
     (found.status == CalibrationStatus::Converged).then(|| RigCalibration {

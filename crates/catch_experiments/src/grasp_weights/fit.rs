@@ -1,4 +1,4 @@
-//! From throws to weights: a logistic regression of what was caught on the cost terms of each catch.
+//! Fit of the weights to throws: a logistic regression of the outcomes on the cost terms of each catch.
 
 use std::collections::BTreeMap;
 

@@ -163,7 +163,7 @@ fn identity_text(identity: &Identity) -> Result<String, InputError> {
 /// Checks that the folder does not contain `file`.
 ///
 /// # Errors
-/// If somebody has; `expected` says what would be right.
+/// If it does; `expected` states what would be right.
 fn refuse_file(folder: &Path, file: &str, expected: &str) -> Result<(), InputError> {
     if !folder.join(file).exists() {
         return Ok(());

@@ -51,7 +51,7 @@ impl Seen {
 /// A predicted end against the recorded one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Miss {
-    /// From the predicted position to the recorded one, in metres.
+    /// Vector from the predicted position to the recorded one, in metres.
     pub error: Vector3<f64>,
     /// Covariance of the predicted position, in m².
     pub covariance: Matrix3<f64>,

@@ -54,7 +54,7 @@ const MOST_ROWS: usize = 1000;
 pub enum FlightStatus {
     /// There is a flight.
     Predicted,
-    /// There is one, but the sightings are far from it.
+    /// There is a flight, but the sightings are far from it.
     Implausible,
     /// No part of the track falls as gravity and air have it.
     NoGravity,
@@ -81,7 +81,7 @@ impl FlightPrediction {
     }
 }
 
-/// With more noise than this, or fewer sightings that agree, something is wrong.
+/// Largest noise, in metres, and least fraction of sightings that agree, of a plausible flight.
 const MOST_NOISE_M: f64 = 0.02;
 const LEAST_AGREEING: f64 = 0.5;
 /// A force beyond gravity and drag that is looked into, in m/s²; more by spin, as a fraction of the speed per

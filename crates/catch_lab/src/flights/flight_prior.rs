@@ -130,8 +130,8 @@ impl FlightPrior {
         (mean, basis)
     }
 
-    /// With independent parameters: the mean and standard deviation of the drag's logarithm in all directions
-    /// and by how much it differs between them, and the standard deviation of the lift.
+    /// Creates a prior with independent parameters: the mean and standard deviation of the drag's logarithm
+    /// in all directions, its difference between them, and the standard deviation of the lift.
     fn of_hand_size(source: &str, [drag, drag_sd, by_direction]: [f64; 3], lift_sd: f64) -> Self {
         let (mut mean, mut covariance) = (ParameterVector::zeros(), ParameterCovariance::zeros());
         let mut fill = |first: usize, count: usize, sd: f64| {

@@ -121,7 +121,7 @@ pub fn median_vector(vectors: &[Vector3<f64>]) -> Vector3<f64> {
 /// Position, velocity and acceleration at the time of the first row.
 #[derive(Debug, Clone, Copy)]
 pub struct Parabola {
-    /// At the time of the first row.
+    /// Position at the time of the first row.
     pub p: Vector3<f64>,
     /// See `p`.
     pub v: Vector3<f64>,

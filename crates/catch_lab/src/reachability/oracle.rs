@@ -74,7 +74,7 @@ enum Kinematics {
 }
 
 impl<'a> Oracle<'a> {
-    /// For the arm of a setup.
+    /// Creates the oracle for the arm of a setup.
     pub fn of(setup: &'a Setup) -> Self {
         let Setup { robot, gripper, .. } = setup;
         let kinematics = match (SrsArm::of(robot), ParallelAxesArm::of(robot)) {

@@ -22,7 +22,7 @@ use catch_recording::{Part, replay::RECORDED, whole_file::COMMAND_LINE};
 
 /// Fingers are at rest while the width changes by no more, in metres.
 const REST_M: f64 = 2e-4;
-/// They have been seen to move when they are this far from where they were, in metres.
+/// Displacement from which the fingers count as moving, in metres.
 const MOVED_M: f64 = 1e-3;
 /// Moves that should go no further than this tell nothing, in metres.
 const LEAST_TRAVEL_M: f64 = 3e-3;
@@ -47,7 +47,7 @@ pub struct UnusedMoves {
     pub late: usize,
     /// The fingers did not rest where they had been sent before.
     pub not_at_rest: usize,
-    /// They were not seen to move, or should not.
+    /// Moves without a motion of the fingers, observed or commanded.
     pub not_moved: usize,
 }
 
@@ -186,7 +186,7 @@ impl RecordedMoves {
 /// Follows which commanded moves start.
 #[derive(Debug)]
 struct MoveFollower {
-    /// From an observation until the command that answers it arrives.
+    /// Time from an observation to the arrival of the command that answers it.
     command_latency_s: f64,
     queue: GripperQueue,
     arrived_s: f64,

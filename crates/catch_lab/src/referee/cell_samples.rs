@@ -46,7 +46,7 @@ pub fn why_not_held(samples: &[CellSample], disturbed_since_s: Option<f64>) -> O
 }
 
 impl From<&CellSample> for TruthSample {
-    /// With zeros for what the rule does not need.
+    /// Converts a sample, with zeros for the fields that the rule does not need.
     fn from(sample: &CellSample) -> Self {
         let CellSample { time_s, X_WG, X_WO, width_m, commanded_width_m, dq, touches } = *sample;
         let [left_finger, right_finger, palm, arm, floor, obstacle] = touches;

@@ -24,7 +24,7 @@ pub(super) struct Counted {
 }
 
 impl Counted {
-    /// By the truth; `origin_O` is the point that stands for the object.
+    /// Evaluates the truth; `origin_O` is the point that stands for the object.
     pub fn of(truth: &Truth, origin_O: &Point3<f64>) -> Self {
         let distance_m = distance_along_z_m(truth, origin_O);
         let is_within = |most_m: f64| distance_m.is_some_and(|distance_m| distance_m < most_m);

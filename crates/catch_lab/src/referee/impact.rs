@@ -4,8 +4,8 @@ use catch_body::{JointVector, Robot, dynamics::gravity};
 use catch_sim::{ThrownObject, Truth, TruthSample};
 use nalgebra::{Vector3, Vector6};
 
-/// From the first contact on: how long the object is taken to come to rest in the hand. An impact itself is
-/// over in one step.
+/// Time from the first contact to the object at rest in the hand, in seconds. An impact itself is over in one
+/// step.
 const IMPACT_S: f64 = 0.02;
 
 /// Impulse of the object on the gripper and the arm in the first 20 ms after the first contact.

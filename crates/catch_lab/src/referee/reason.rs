@@ -38,7 +38,7 @@ pub enum Reason {
     OutOfReach,
     /// No way of holding the object was found.
     NoGrasp,
-    /// In every grasp it would have hit the open gripper on its approach.
+    /// The object would have hit the open gripper on its approach in every grasp.
     Blocked,
     /// No motion within the limits was found.
     NoPlan,
@@ -62,7 +62,7 @@ pub enum Reason {
     SlippedOut,
     /// The object was held and then lost.
     Dropped,
-    /// The hand took it along to the floor, or it was there before.
+    /// The hand took the object along to the floor, or the object was there before.
     HitFloor,
     /// The object was held, but the arm did not come to rest.
     MovedOn,

@@ -171,7 +171,7 @@ impl Setup {
         Ok(setup)
     }
 
-    /// If the brain knows no way of holding the object: why.
+    /// Returns the reason why the brain has no grasp of the object, if so.
     pub fn without_grasps(&self) -> Option<String> {
         Some(self.known().grasps()).filter(|it| it.grasps.is_empty()).map(|it| self.why_without_grasps(it))
     }

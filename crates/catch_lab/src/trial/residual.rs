@@ -32,7 +32,7 @@ const SAME_TIME_S: f64 = 1e-9;
 #[derive(Debug)]
 pub struct ResidualMotion {
     steering: Steering,
-    /// With the gripper.
+    /// Model of the arm with the gripper.
     robot: Robot,
     max_width_m: f64,
     /// Trajectories that the brain believes to be executed, oldest first, with identifiers; the first holds
@@ -45,7 +45,7 @@ pub struct ResidualMotion {
 }
 
 impl ResidualMotion {
-    /// For an arm that rests at `q`, with offsets that change every `period_s`.
+    /// Creates the motion of an arm that rests at `q`, with offsets that change every `period_s`.
     pub fn new(robot: &Robot, gripper: &Gripper, period_s: f64, q: &JointVector) -> Self {
         let held = vec![(None, BSpline::at_rest(0.0, *q))];
         Self {

@@ -26,7 +26,7 @@ const BRAKING_SPANS: usize = 3;
 /// other is.
 #[derive(Debug, Clone)]
 pub struct Steering {
-    /// With the gripper, and the limits that are used.
+    /// Model of the arm with the gripper, and the limits that are used.
     robot: Robot,
     clearance: ArmClearance,
     max_width_m: f64,

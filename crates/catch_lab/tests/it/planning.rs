@@ -47,7 +47,7 @@ impl Desk {
         )
     }
 
-    /// For an arm that states this limit of the jerk, in rad/s³.
+    /// Creates a desk for an arm that states this limit of the jerk, in rad/s³.
     fn with_jerk(object: &str, most: f64) -> Self {
         let mut setup =
             Setup::load(&Choice { scenario: Some("paper"), object: Some(object), ..Choice::default() }).unwrap();

@@ -15,17 +15,17 @@ use crate::source::root;
 /// Scenario in which a setting matters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Where {
-    /// In a throw of the scenario honest: commands of the brain and what truly happens.
+    /// A throw of the scenario honest: commands of the brain and true states.
     Honest,
-    /// In one of the paper's throws.
+    /// One of the paper's throws.
     Paper,
-    /// In one of the paper's throws, by the paper's method as published.
+    /// One of the paper's throws, by the paper's method as published.
     AsPublished,
-    /// In the world alone, with commands that are always the same.
+    /// The world alone, with commands that are always the same.
     World,
-    /// In a life of two throws.
+    /// A life of two throws.
     Life,
-    /// In where the cameras seem to stand after a calibration.
+    /// The poses of the cameras after a calibration.
     Calibrated,
 }
 use Where::{AsPublished, Calibrated, Honest, Life, Paper, World};
@@ -273,7 +273,8 @@ fn hash(frame: &DepthFrame) -> u64 {
     depths.chain(masked).chain([u64::from(frame.mask.is_some())]).fold(0xcbf2_9ce4_8422_2325, add)
 }
 
-/// At first a jump of a joint, closing fingers and smaller images, later a motion from rest to rest.
+/// Command of a tick: at first a jump of a joint, closing fingers and smaller images, later a motion from
+/// rest to rest.
 fn command(tick: usize, setup: &Setup, now_s: f64) -> Command {
     let ready_q = setup.robot.ready_q;
     let spline = match tick {

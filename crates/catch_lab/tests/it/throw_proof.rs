@@ -63,7 +63,7 @@ pub enum ThrowProof {
 pub struct AnyCatch<'a> {
     /// Flight of the object.
     pub flight: &'a FlightTrajectory,
-    /// Between these times, in seconds.
+    /// Earliest and latest time of the catch, in seconds.
     pub times_s: [f64; 2],
     /// The centres are at most this far from each other, in metres.
     pub within_m: f64,

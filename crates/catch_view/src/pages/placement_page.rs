@@ -23,7 +23,7 @@ pub struct CameraView<'a> {
     pub camera: &'a CameraModel,
     /// Summary of the camera's view, in a line.
     pub summary: String,
-    /// At which instants of each flight it shows the object.
+    /// Instants of each flight at which the camera shows the object.
     pub sight: Vec<Vec<bool>>,
     /// A whole image of the waiting arm.
     pub image: DepthFrame,

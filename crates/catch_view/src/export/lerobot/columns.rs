@@ -45,7 +45,7 @@ pub enum Values {
 }
 
 impl Column {
-    /// With a name.
+    /// Creates a column.
     pub fn new(name: &str, values: Values) -> Self {
         Self { name: name.to_owned(), values }
     }

@@ -137,7 +137,7 @@ struct Camera {
 struct Stages {
     names: Vec<String>,
     time_s: Vec<f64>,
-    /// Per tick one number per name; −1 where the stage did not run.
+    /// Durations in milliseconds, per tick one number per name; −1 where the stage did not run.
     ms: Packed,
 }
 

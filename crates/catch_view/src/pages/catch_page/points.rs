@@ -53,7 +53,7 @@ impl PackedPoints {
     }
 }
 
-/// At most `most` of the points, evenly.
+/// Selects at most `most` of the points, evenly.
 fn thinned(points: &[Point3<f64>], most: usize) -> Vec<Point3<f64>> {
     let kept = most.min(points.len());
     (0..kept).map(|i| points[i * points.len() / kept]).collect()

@@ -62,7 +62,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// From 0 to 100 %.
+    /// Scale from 0 to 100 %.
     pub const FRACTION: Self = Self { decades: None, unit: "%" };
 
     /// A logarithmic scale that holds all positive values.
