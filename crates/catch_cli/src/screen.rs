@@ -30,8 +30,7 @@ pub const FAINT: Style = Style::new().dimmed();
 /// Width of the column of labels.
 const LABEL_WIDTH: usize = 24;
 
-/// Prints a message when somebody presses Ctrl-C, which then ends the program as ever. The message is printed
-/// once.
+/// Prints a message at Ctrl-C, which then ends the program as ever. The message is printed once.
 pub fn at_interrupt(said: String) {
     let pressed = Arc::new(AtomicBool::new(false));
     let is_pressed = pressed.clone();

@@ -1,13 +1,13 @@
 //! Camera placement: poses from which the flight is best determined when the catch is decided.
 //!
-//! A measure of rigs, and a search for the rig that is best by it. For each of many throws of a scenario
-//! every image until the decision tells something about the flight, if it shows the object: neither its
-//! border nor the waiting arm hides it. The flight is a parabola with an unknown position and velocity at the
-//! catch. Each image adds the information Jᵀ·W·J with J = \[I, (t − t_c)·I\] and W the inverse covariance of
-//! a position that one image measures: the data sheet's noise along the optical axis, [`LATERAL_PX`] across
-//! it. The covariance of the position at the catch is a block of the inverse of the sum. The catch is where
-//! the flight is nearest to the base's axis. What counts is the deviation at two times: when the catch is
-//! decided, and when the fingers begin to close.
+//! The module has a score of rigs, and a search for the best rig. For each of many throws of a
+//! scenario every image until the decision has information about the flight, if it shows the object: neither
+//! its border nor the waiting arm hides it. The flight is a parabola with an unknown position and velocity at
+//! the catch. Each image adds the information Jᵀ·W·J with J = \[I, (t − t_c)·I\] and W the inverse covariance
+//! of a position that one image measures: the data sheet's noise along the optical axis, [`LATERAL_PX`]
+//! across it. The covariance of the position at the catch is a block of the inverse of the sum. The catch is
+//! where the flight is nearest to the base's axis. Rigs are compared by the standard deviation at two times:
+//! when the catch is decided, and when the fingers begin to close.
 //!
 //! Cameras are calibrated on the arm, so that only those are chosen which show enough of it. The search is
 //! greedy and then exchanges cameras as long as that helps (Fedorov, Theory of optimal experiments, 1972).

@@ -1,4 +1,4 @@
-//! Inputs that somebody who read only the docs and `--help` would try, and their results.
+//! Inputs that a reader of only the docs and `--help` would try, and their results.
 
 use std::process::Command;
 

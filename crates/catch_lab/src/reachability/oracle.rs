@@ -1,16 +1,16 @@
 //! Oracle of reachability: whether the arm could have been at any catch of a throw in time, computed for the
 //! referee alone.
 //!
-//! The oracle knows the true flight and has no noise. It asks, for every 10 ms of the flight and for many
-//! orientations of the hand around the object, whether any posture of the arm that holds the hand there can
-//! be reached from the waiting pose. What a joint can reach in a time T from rest is an interval, exact and
-//! in closed form; which postures lie in those intervals is answered by the inverse kinematics: in closed
-//! form where there is one, of S-R-S arms for all redundancy at once; else by iteration from starts all over
-//! the intervals and along the null space from what that finds. It shares neither the grid, the grasps, the
-//! map nor the bound on work with the search of the brain. The arm may be moving at the catch, if it can stop
-//! before its joints' limits afterwards. Of the torque limits, of the gripper and of the object's shape it
-//! takes no notice: a throw that it calls out of reach is out of reach between its samples, one that it calls
-//! within reach may still be hard.
+//! The oracle has the true flight, without noise. For every 10 ms of the flight, and for many orientations of
+//! the hand around the object, it searches for a posture of the arm that holds the hand there and that can be
+//! reached from the waiting pose. The reachable set of a joint in a time T from rest is an interval, exact
+//! and in closed form. Inverse kinematics finds the postures in those intervals: in closed form where there
+//! is one, for S-R-S arms over the whole null space at once; else by iteration from starts all over the
+//! intervals and along the null space from the solutions. The oracle uses neither the grid, the grasps, the
+//! map nor the bound on work of the brain's search. The arm may be moving at the catch, if it can stop before
+//! its joints' limits afterwards. The torque limits, the gripper and the object's shape are ignored: a throw
+//! that the oracle calls out of reach is out of reach between its samples, one that it calls within reach may
+//! still be hard.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 

@@ -28,7 +28,7 @@ pub struct CellSample {
 }
 
 /// Returns the reason why an object was not caught and held, by the rule for the arena's throws; `None` if it
-/// was. The world shakes from `disturbed_since_s` on. Broken limits of the arm are left out.
+/// was. The disturbance test begins at `disturbed_since_s`. Broken limits of the arm are left out.
 pub fn why_not_held(samples: &[CellSample], disturbed_since_s: Option<f64>) -> Option<Reason> {
     let samples = samples.iter().map(TruthSample::from).collect();
     let truth = Truth { samples, disturbed_since_s, ..Truth::default() };
