@@ -117,7 +117,7 @@ pub fn record(folder: &Path) -> anyhow::Result<PathBuf> {
         workcell_toml: "",
     };
     let (mut robot, gripper) = sources.parse(&names)?;
-    // Where it waits for throws from this side; `catchingbot ready` finds such poses.
+    // Ready pose for throws from this side; `catchingbot ready` finds such poses.
     robot.ready_q = robot.checked_pose("the example", "READY_RAD", &READY_RAD)?;
     // Images of the object from all around, taken beforehand; a real cell takes its own.
     let scanners = rig_from_toml("reference.toml", include_str!("../../../assets/rigs/reference.toml"))?;

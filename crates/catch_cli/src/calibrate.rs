@@ -122,7 +122,7 @@ struct FlightsDocument {
     /// Rotation about x and y of W from its z to the vertical.
     tilt_deg: [f64; 2],
     tilt_sd_deg: [f64; 2],
-    /// Largest change of the cameras' poses, in standard deviations claimed before.
+    /// Root mean square of the cameras' changes, in standard deviations of the calibration before.
     change_sd: f64,
 }
 

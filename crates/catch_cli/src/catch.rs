@@ -100,7 +100,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     let setup = Setup::load(&choice.with(object.as_deref(), throw.as_deref()))?;
     let scene = setup.scene(*seed, *index);
     setup.check_throw(*seed, *index)?;
-    // What cannot be written should be said before anything is thrown.
+    // A folder that cannot be written to is reported before anything is thrown.
     make_writable(&output.out, "--out")?;
 
     let aloud = !output.json;

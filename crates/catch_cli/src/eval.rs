@@ -180,7 +180,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let cells = identity.summarize(rows);
     let times =
         Times { wall_s, threads: pace.threads, trials: *timed, stages: stopwatch.summary().into_iter().collect() };
-    // Where nothing was left to run, the times of the run that did it all stay, and so does the report that
+    // If nothing was left to run, the times of the run that did it all stay, and so does the report that
     // shows them.
     let is_new = times.trials > 0 || !folder.join(TIMES_FILE).exists();
     if is_new {

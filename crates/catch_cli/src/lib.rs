@@ -236,7 +236,7 @@ pub fn main() -> ExitCode {
         return ExitCode::SUCCESS;
     }
     match fault.downcast_ref::<check::Faulty>() {
-        // What a check found is its result, which has been printed.
+        // The faults of a check are its result, which has been printed.
         Some(check::Faulty(failure)) => failure.tell(false),
         None => Failure::of_command(&fault).tell(wants_json),
     }

@@ -58,7 +58,7 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
     let name = &arguments.name;
     let object = Kind::Object.names()[0];
     let of_kind = |kind, trial: &str| Ok::<_, InputError>((templates::files(kind, name)?, trial.to_owned()));
-    // How to try it: {} is the first of the files.
+    // Trial command: {} is the first of the files.
     let (new_files, trial) = match arguments.kind {
         NewKind::Robot => of_kind(Kind::Robot, "--robot {}")?,
         NewKind::Gripper => of_kind(Kind::Gripper, "--gripper {}")?,

@@ -59,7 +59,7 @@ pub struct PredictArguments {
     /// Isotropic drag: constant k of a = -k·|v|·v that is expected, in 1/m [default: 0.05 with --drag-sd]
     #[arg(long, value_name = "K", allow_negative_numbers = true)]
     drag: Option<f64>,
-    /// Standard deviation of the drag; 0: exactly known [default: 0.1]
+    /// Standard deviation of the constant k, in 1/m; 0: exactly known [default: 0.1]
     #[arg(long, value_name = "SD", allow_negative_numbers = true)]
     drag_sd: Option<f64>,
     /// Print one JSON document

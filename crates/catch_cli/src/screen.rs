@@ -41,7 +41,7 @@ pub fn at_interrupt(said: String) {
         let _ = writeln!(anstream::stderr().lock(), "\n{said}");
         std::process::exit(INTERRUPTED);
     };
-    // Where nobody can wait, or no handler be set, the program ends without a word.
+    // If nobody can wait, or no handler can be set, the program ends without a word.
     if thread::Builder::new().spawn(wait).is_ok() {
         let _ = signal_hook::flag::register(SIGINT, pressed);
     }

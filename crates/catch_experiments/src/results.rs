@@ -111,7 +111,7 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
         "cargo run --release -p catch_experiments -- {name} --seed {} --trials {}",
         options.seed, options.trials
     );
-    // Where the folders lie is nobody else's.
+    // The place of the folders is private.
     for folder in options.tracks.iter().filter_map(|it| it.file_name()) {
         let _ = write!(command, " --tracks {}", folder.display());
     }

@@ -153,7 +153,7 @@ impl<'a> PlacementStudy<'a> {
             let expected = format!("less than the {} s of --decision", config.decision_s);
             return Err(InputError::new(COMMAND_LINE, "--closing", config.closing_s, expected));
         }
-        // What each place tells of each throw is kept.
+        // The information of each place about each throw is kept.
         let sides = [0, 1, 2].map(|axis| (to[axis] - from[axis]) / config.spacing_m + 1.0);
         let places = 2.0 * (sides[0] + sides[1]) * sides[2] + sides[0] * sides[1];
         let told = places * AIMS.len() as f64 * config.throws as f64;

@@ -106,7 +106,7 @@ fn case(whole: &Fields, own: &Fields) -> Result<PlannerCase, InputError> {
         "dq_start",
         "robot",
     ])?;
-    // What stands in the case goes before what stands in the file.
+    // Fields of the case go before those of the file.
     let either =
         |name: &'static str| own.get(name).map(|it| (own, it)).or_else(|| whole.get(name).map(|it| (whole, it)));
     let numbers = |name: &'static str| either(name).map(|(at, value)| at.numbers(name, value)).transpose();

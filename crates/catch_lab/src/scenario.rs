@@ -170,7 +170,7 @@ impl Scenario {
             let example = || fault("FIELD=VALUE, such as arena.restitution_scale=0.5".to_owned());
             let whole = |path: &str| path.split('.').all(|field| !field.trim().is_empty());
             let (path, text) = setting.split_once('=').filter(|(path, _)| whole(path)).ok_or_else(example)?;
-            // What is no TOML is meant as text.
+            // A value that is no TOML is meant as text.
             let value = toml::from_str::<toml::Table>(&format!("value = {text}")).ok();
             let value = value.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.trim().into());
             self = self.with_field(path, Some(value), &fault)?;

@@ -91,7 +91,7 @@ pub fn input_fault(fault: InputError) -> PyErr {
         Some(argument) if !argument.starts_with("set") => {
             format!("{argument}: found {}, expected {}", it.found, it.expected)
         }
-        // Of the command line's `--set` and of a scenario's fields that it sets.
+        // Faults of the command line's `--set` and of a scenario's fields that it sets.
         _ => format!("settings: {}: found {}, expected {}", it.field, it.found, it.expected),
     };
     let text = fault.all().into_iter().map(line).collect::<Vec<_>>().join("\n");
@@ -216,7 +216,7 @@ pub fn settings(settings: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<String>> {
             let is_letter = |it: char| it.is_ascii_alphanumeric() || it == '_';
             text.starts_with(|it: char| it.is_ascii_alphabetic()) && text.chars().all(is_letter)
         };
-        // What is no TOML is meant as text; names of results stay those of the command line.
+        // A value that is no TOML is meant as text; names of results stay those of the command line.
         let text = match value {
             toml::Value::String(text) if is_word(&text) && !["true", "false", "inf", "nan"].contains(&&*text) => text,
             value => value.to_string(),

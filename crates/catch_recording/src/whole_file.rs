@@ -38,7 +38,7 @@ impl Unfinished {
         let prefix = prefix();
         let mut builder = Builder::new();
         builder.prefix(&prefix).suffix(SUFFIX);
-        // Those of any file, less what the user's mask takes away.
+        // Permissions of any file, less those that the user's mask takes away.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         builder.tempfile_in(folder).map(Self)

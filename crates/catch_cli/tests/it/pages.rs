@@ -184,7 +184,7 @@ fn new_files_are_right_as_they_are() {
         let again = catchingbot(&["new", kind, &name, "--out", out]);
         assert_eq!(again.status.code(), Some(2));
         assert!(stderr(&again).contains("already there"));
-        // As it says it can be tried; a study takes longer than one throw.
+        // The trial that the output suggests; a study takes longer than one throw.
         let shown = stdout(&output);
         let trial = shown.lines().find_map(|line| line.trim().strip_prefix("try it")).unwrap();
         let arguments: Vec<&str> = trial.split(' ').collect();

@@ -252,7 +252,7 @@ mod tests {
         assert!(
             first.len() == 2 && batch.weights_of("banana", 1) != weights && batch.weights_of("banana", 0) == weights
         );
-        // What is kept is believed: another outcome in the file comes back.
+        // A kept result is believed: another outcome in the file comes back.
         let path = folder.join("some-seed-3.jsonl");
         let other = |it: &Throw| serde_json::to_string(&Throw { caught: !it.caught, ..it.clone() }).unwrap();
         let text = fs::read_to_string(&path).unwrap();

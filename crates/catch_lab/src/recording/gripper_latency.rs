@@ -202,10 +202,10 @@ impl MoveFollower {
     fn tick(&mut self, time_s: f64, command: &Command) {
         let arrival_s = time_s + self.command_latency_s;
         while let Some(order) = self.queue.take_due(arrival_s, |start_s| start_s) {
-            // What had to start before its command arrived would else have been taken out by then.
+            // A move that had to start before its command arrived would else have been taken out by then.
             let is_timely = order.start_s > self.arrived_s;
             let it = StartedMove { start_s: order.start_s.max(self.arrived_s), width_m: order.width_m, is_timely };
-            // Of those that start together the last one wins, and one that is commanded again changes
+            // The last of the moves that start together wins, and one that is commanded again changes
             // nothing.
             self.started.pop_if(|last| last.start_s >= it.start_s);
             if self.started.last().is_none_or(|last| (last.width_m - it.width_m).abs() > REST_M) {

@@ -67,7 +67,7 @@ fn no_setting_of_the_brain_changes_the_world() {
     numbers("brain", &Value::try_from(&complete).unwrap(), &mut all);
     let mut changed = 0;
     for (path, values) in all {
-        // Of some settings only one kind of change is allowed.
+        // Some settings allow only one kind of change.
         let settings = values.map(|value| vec![format!("{path}={value}")]);
         let choice = |settings| Setup::load(&Choice { scenario: Some("honest"), settings, ..Choice::default() });
         let Some(other) = settings.iter().find_map(|it| choice(it).ok()) else { continue };

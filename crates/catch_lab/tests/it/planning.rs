@@ -387,7 +387,7 @@ fn shifts_or_approaches(desk: &Desk) {
         if let Some(near) = search.nearest(&correction) {
             keeps_its_word(desk, &start, &near.X_WG, &seen, &near).unwrap();
             let wanted = seen.pose_at(plan.catch_s) * plan.grasp.X_OG;
-            // What the hand is off by along the direction of closing counts most, and a turn of it little.
+            // The hand's error along the direction of closing counts most, and its rotation little.
             let centre = desk.setup.gripper.grasp_centre();
             let missed_m = |it: &CatchPlan| {
                 let shift = wanted.rotation.inverse() * (wanted * centre - it.X_WG * centre);

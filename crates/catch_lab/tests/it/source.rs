@@ -42,7 +42,7 @@ pub fn is_test_file(path: &Path) -> bool {
         return true;
     }
     let folder = path.parent().unwrap();
-    // What belongs to a module for tests is one itself.
+    // A file of a test module is a test file, too.
     let owner = folder.with_extension("rs");
     if owner.is_file() && is_test_file(&owner) {
         return true;

@@ -263,7 +263,7 @@ fn narrow(row: &[f64; UNKNOWNS], rest: Interval, unknowns: &mut [Interval; UNKNO
     }
     for ((coefficient, term), unknown) in row.iter().zip(&terms).zip(unknowns) {
         if coefficient.abs() > SMALL {
-            // What all others leave to it.
+            // Interval that all other unknowns leave to it.
             let left = Interval { low: term.high - high, high: term.low - low }.scaled(1.0 / coefficient);
             *unknown = unknown.intersection(&Interval { low: left.low - ROUNDING, high: left.high + ROUNDING });
             if unknown.is_empty() {
