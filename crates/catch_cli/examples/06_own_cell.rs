@@ -34,18 +34,18 @@ const FRAME_S: f64 = 0.01;
 const LATENCY_S: f64 = 0.004;
 const EXPECTED_LATENCY_S: f64 = 0.005;
 
-/// What is known of the cell: the clock, what the drives execute, and where the cameras are.
+/// Cell of one's own: the clock, the drives' commands, and the cameras.
 struct OwnCell {
     time_s: f64,
     arm: Executor,
     gripper: GripperQueue,
     fingers: GripperMove,
-    /// Under way, with its time of arrival.
+    /// Command under way, with its time of arrival.
     command: Option<(f64, Command)>,
     cameras: Vec<CameraModel>,
 }
 
-/// Where the ball is: thrown past the arm from 3.9 m.
+/// Position of the ball, thrown past the arm from 3.9 m.
 fn ball(time_s: f64) -> Point3<f64> {
     Point3::new(2.517, 2.981, 0.401) + Vector3::new(-2.29, -3.82, 4.4) * time_s
         - Vector3::z() * (9.81 / 2.0 * time_s * time_s)
@@ -68,7 +68,7 @@ fn image(camera: usize, model: &CameraModel, time_s: f64) -> DepthFrame {
 }
 
 impl Cell for OwnCell {
-    /// What a driver returns when a device does not answer; nothing fails here.
+    /// Error of a driver whose device does not answer; nothing fails here.
     type Error = CellFault;
 
     fn sense(&mut self) -> Result<Observation, CellFault> {
@@ -117,7 +117,7 @@ pub fn record(folder: &Path) -> anyhow::Result<PathBuf> {
         workcell_toml: "",
     };
     let (mut robot, gripper) = sources.parse(&names)?;
-    // Where it waits for throws from this side; `catchingbot ready` finds such poses.
+    // Ready pose for throws from this side; `catchingbot ready` finds such poses.
     robot.ready_q = robot.checked_pose("the example", "READY_RAD", &READY_RAD)?;
     // Images of the object from all around, taken beforehand; a real cell takes its own.
     let scanners = rig_from_toml("reference.toml", include_str!("../../../assets/rigs/reference.toml"))?;

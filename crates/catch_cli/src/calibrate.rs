@@ -59,7 +59,7 @@ pub struct CalibrateArguments {
     /// Intrinsics of a camera as ROS keeps them, camera_info YAML; once for each camera
     #[arg(long, value_name = "FILE", requires = "hand_eye", conflicts_with = "rig")]
     camera_info: Vec<PathBuf>,
-    /// Where that camera is believed to stand: a result of easy_handeye2; once for each camera
+    /// Believed pose of that camera: a result of easy_handeye2; once for each camera
     #[arg(long, value_name = "FILE", requires = "camera_info", conflicts_with = "rig")]
     hand_eye: Vec<PathBuf>,
     /// Poses of the arm
@@ -76,7 +76,7 @@ pub struct CalibrateArguments {
     /// Throws that refine the calibration afterwards: the cameras see one flight, whose law is known
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(FLIGHTS.least as u64, FLIGHTS.most as u64))]
     flights: u64,
-    /// What is thrown: a built-in object or a file [default: the scenario's]
+    /// Object that is thrown: a built-in object or a file [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
     object: Option<String>,
     /// Seed of everything random
@@ -110,11 +110,11 @@ struct Document<'a> {
     link_offset_m: Vec<f64>,
 }
 
-/// What flights did.
+/// Result of the flights.
 #[derive(Serialize)]
 struct FlightsDocument {
     status: &'static str,
-    /// Those that counted, and their sightings.
+    /// Flights that counted, and their sightings.
     flights: usize,
     sightings: usize,
     outlier_fraction: f64,
@@ -122,15 +122,15 @@ struct FlightsDocument {
     /// Rotation about x and y of W from its z to the vertical.
     tilt_deg: [f64; 2],
     tilt_sd_deg: [f64; 2],
-    /// How far the cameras moved, over what was claimed of them before.
+    /// Root mean square of the cameras' changes, in standard deviations of the calibration before.
     change_sd: f64,
 }
 
-/// What became of a camera.
+/// Result of a camera.
 #[derive(Serialize)]
 pub struct CameraDocument {
     status: &'static str,
-    /// In W, as it is believed to stand from then on.
+    /// Calibrated position in W.
     position_m: [f64; 3],
     rotation_xyzw: [f64; 4],
     /// Root of the sum of the variances along all axes.
@@ -143,7 +143,7 @@ pub struct CameraDocument {
     inverse_depth_sd_per_m: f64,
     silhouette_sd_px: f64,
     outlier_fraction: f64,
-    /// What only an arena knows.
+    /// Error of the position, which only an arena has.
     position_error_m: f64,
     rotation_error_deg: f64,
 }
@@ -151,7 +151,7 @@ pub struct CameraDocument {
 /// Calibrates the cameras of a scenario's arena.
 ///
 /// # Errors
-/// What is wrong with the choice or the files, or with writing.
+/// Faults of the choice or the files, or of writing.
 pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     let OutputArguments { out, json } = &arguments.output;
     make_writable(out, "--out")?;
@@ -293,7 +293,7 @@ fn flights_document(found: &Refinement) -> FlightsDocument {
     }
 }
 
-/// What became of each camera: what was `found`, how it was `calibrated`, and the `truth`.
+/// Describes the result of each camera: as `found`, as `calibrated`, and the `truth`.
 fn camera_documents(
     found: &[CameraCalibration],
     calibrated: &[CameraModel],

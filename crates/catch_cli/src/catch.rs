@@ -57,7 +57,7 @@ pub struct CatchArguments {
     pictures: PictureArguments,
 }
 
-/// What is written beside the recording.
+/// Files that are written beside the recording.
 #[derive(Debug, Args)]
 pub struct PictureArguments {
     /// Write the page that `view` shows: one file, no network
@@ -84,7 +84,7 @@ struct Document<'a> {
     timeline: &'a [Entry],
     stages: BTreeMap<&'static str, StageTimes>,
     recording: &'a Path,
-    /// When the first image was left out of it.
+    /// Time of the first image that was left out of the recording.
     #[serde(skip_serializing_if = "Option::is_none")]
     images_until_s: Option<f64>,
     pictures: &'a BTreeMap<&'static str, PathBuf>,
@@ -100,7 +100,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     let setup = Setup::load(&choice.with(object.as_deref(), throw.as_deref()))?;
     let scene = setup.scene(*seed, *index);
     setup.check_throw(*seed, *index)?;
-    // What cannot be written should be said before anything is thrown.
+    // A folder that cannot be written to is reported before anything is thrown.
     make_writable(&output.out, "--out")?;
 
     let aloud = !output.json;
@@ -228,7 +228,7 @@ fn summary(setup: &Setup, scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatc
     screen::fact("recording", &recording.display().to_string())
 }
 
-/// What was commanded of the arm's limits, and what the impact did to the motion: two things.
+/// Prints two things: the broken limits of the arm in commands, and the effect of the impact on the motion.
 fn limits(verdict: &Verdict) -> io::Result<()> {
     let percent = |ratio: f64| format!("{:.0} %", ratio * 100.0);
     let measures = &verdict.measures;

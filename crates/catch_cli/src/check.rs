@@ -48,7 +48,7 @@ struct Document<'a> {
     files: Vec<FileDocument<'a>>,
 }
 
-/// What was found of a file.
+/// Result of the check of a file.
 #[derive(Serialize)]
 struct FileDocument<'a> {
     file: &'a Path,

@@ -41,7 +41,7 @@ use crate::{
 
 /// Name of the file with the wall times of the stages.
 const TIMES_FILE: &str = "times.json";
-/// Where results go if nothing is said.
+/// Default folder of the results.
 const FOLDER: &str = "out/eval";
 
 /// Arguments of `eval`.
@@ -93,14 +93,14 @@ pub struct EvalArguments {
 struct Document<'a> {
     #[serde(flatten)]
     outcome: Outcome<'a>,
-    /// Of the cameras before anything was thrown, where the scenario has them calibrated.
+    /// Calibration of the cameras before the first throw, where the scenario has one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     calibration: Vec<CameraDocument>,
     wall_s: f64,
     stages: BTreeMap<&'static str, StageTimes>,
 }
 
-/// What of it does not depend on how fast it was.
+/// Part of the document that does not depend on computing times.
 #[derive(Serialize)]
 pub(super) struct Outcome<'a> {
     version: &'static str,
@@ -180,7 +180,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let cells = identity.summarize(rows);
     let times =
         Times { wall_s, threads: pace.threads, trials: *timed, stages: stopwatch.summary().into_iter().collect() };
-    // Where nothing was left to run, the times of the run that did it all stay, and so does the report that
+    // If nothing was left to run, the times of the run that did it all stay, and so does the report that
     // shows them.
     let is_new = times.trials > 0 || !folder.join(TIMES_FILE).exists();
     if is_new {
@@ -206,7 +206,7 @@ pub struct Done {
     pub rows: Vec<Row>,
     /// Trials that were run now.
     pub timed: usize,
-    /// Their times.
+    /// Times of these trials.
     pub stopwatch: Stopwatch,
 }
 
@@ -245,17 +245,17 @@ pub fn complete(
     Ok(Done { timed: rows.len() - done_before, rows, stopwatch })
 }
 
-/// How trials are run.
+/// Pace of the trials.
 #[derive(Debug, Clone, Copy)]
 pub struct Pace {
-    /// Whether to go on with what is there.
+    /// True if existing results are continued.
     pub resume: bool,
     /// Trials at the same time.
     pub threads: usize,
 }
 
 impl Pace {
-    /// As arguments ask for: `threads` at a time, or one per core.
+    /// Creates the pace that the arguments ask for: `threads` at a time, or one per core.
     pub fn new(resume: bool, threads: Option<u64>) -> Self {
         let threads = threads.map(|threads| threads as usize);
         Self { resume, threads: threads.unwrap_or_else(|| thread::available_parallelism().map_or(1, NonZero::get)) }

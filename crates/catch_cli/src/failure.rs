@@ -11,14 +11,14 @@ use serde::Serialize;
 
 use crate::screen;
 
-/// What went wrong. A command that has more to tell has these fields in its own document.
+/// Failure of a command. A command that has more to report has these fields in its own document.
 #[derive(Debug, Serialize)]
 pub struct Failure {
     /// The message that is on standard error, too.
     pub error: String,
     /// The program's exit code: 2 for wrong input, 1 for anything else.
     exit_code: u8,
-    /// What is wrong with the input; empty where nothing is.
+    /// Faults of the input; empty where there are none.
     faults: Vec<Fault>,
 }
 
@@ -37,7 +37,7 @@ impl From<InputError> for Fault {
     }
 }
 
-/// What `--json` prints where nothing else is to be told.
+/// Document of `--json` where nothing else is reported.
 #[derive(Serialize)]
 struct Document<'a> {
     version: &'static str,

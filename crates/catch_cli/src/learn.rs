@@ -44,7 +44,7 @@ pub struct LearnArguments {
     /// File for what was learned
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Where the recordings come from, for the file and the report
+    /// Source of the recordings, for the file and the report
     #[arg(long, value_name = "TEXT", default_value = "own recordings")]
     source: String,
     /// Parts for the cross-validation

@@ -90,17 +90,18 @@ enum Command {
     Suite(suite::SuiteArguments),
     /// Parts of an evaluation become one
     Merge(merge::MergeArguments),
-    /// What is built in: scenarios, objects, throws, robots, grippers, workcells, camera rigs and studies
+    /// Lists what is built in: scenarios, objects, throws, robots, grippers, workcells, camera rigs and
+    /// studies
     List(list::ListArguments),
     /// Plans for catches that are described in a file, with residuals and times
     Plan(plan::PlanArguments),
     /// A flight through a recorded track, and where it goes on to
     Predict(predict::PredictArguments),
-    /// What recorded throws teach about an object's flights, for `predict`
+    /// Learns a prior on an object's flights from recorded throws, for `predict`
     Learn(learn::LearnArguments),
-    /// Where the cameras stand, from what they see of the arm
+    /// Calibrates the poses of the cameras from their images of the arm
     Calibrate(Box<calibrate::CalibrateArguments>),
-    /// Where cameras tell most about the throws of a scenario: a rig file, a table, a page
+    /// Finds camera poses that determine the throws of a scenario best: a rig file, a table, a page
     PlaceCameras(Box<place_cameras::PlaceCamerasArguments>),
     /// The best waiting pose for a distribution of throws
     Ready(ready::ReadyArguments),
@@ -116,14 +117,14 @@ enum Command {
     Export(Box<export::ExportArguments>),
     /// A recording in the browser: three dimensions, a time slider, plots
     View(view::ViewArguments),
-    /// How long a gripper takes to begin a move, from recordings: the setting gripper_latency_s
+    /// Measures the delay of a gripper before a move, from recordings: the setting gripper_latency_s
     GripperLatency(gripper_latency::GripperLatencyArguments),
     /// A commented file to start from: your own robot, gripper, workcell, cameras, object, throw, scenario or
     /// study, or sample data
     New(new::NewArguments),
     /// Checks the files of robots, grippers, workcells, objects, throws, rigs, scenarios and studies
     Check(check::CheckArguments),
-    /// What a shell needs to complete this program's arguments
+    /// Prints a shell's completions of this program's arguments
     Completions(completions::CompletionsArguments),
 }
 
@@ -146,7 +147,7 @@ pub fn whole(least: u64, most: u64) -> impl Fn(&str) -> Result<u64, String> + Cl
     }
 }
 
-/// What is thrown at what.
+/// Scenario, and changes to it.
 #[derive(Debug, Args)]
 pub struct ChoiceArguments {
     /// Scenario: a built-in name or a file
@@ -158,10 +159,10 @@ pub struct ChoiceArguments {
     /// Gripper: a built-in name or a file [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
     gripper: Option<String>,
-    /// What stands around the arm: a built-in workcell or a file [default: the scenario's]
+    /// Surroundings of the arm: a built-in workcell or a file [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
     workcell: Option<String>,
-    /// Whose method catches [default: the scenario's, which is ours if it says nothing]
+    /// Method that catches [default: the scenario's, which is ours if it names none]
     #[arg(long, value_enum)]
     method: Option<MethodArgument>,
     /// Changes one field of the scenario, such as arena.restitution_scale=0.5; may be repeated
@@ -169,10 +170,10 @@ pub struct ChoiceArguments {
     settings: Vec<String>,
 }
 
-/// Whose method catches.
+/// Method that catches.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum MethodArgument {
-    /// This project's
+    /// The method of this project
     Ours,
     /// The paper's own: ICP, RANSAC, its grasp selection and its trajectory optimization
     Paper,
@@ -189,7 +190,7 @@ impl ChoiceArguments {
         }
     }
 
-    /// Whose method is asked for.
+    /// Returns the method that is asked for.
     pub fn method(&self) -> Option<Method> {
         self.method.map(|method| match method {
             MethodArgument::Ours => Method::Ours,
@@ -204,7 +205,7 @@ impl ChoiceArguments {
     }
 }
 
-/// Where results go.
+/// Folder and form of the results.
 #[derive(Debug, Args)]
 pub struct OutputArguments {
     /// Folder for what is written
@@ -235,7 +236,7 @@ pub fn main() -> ExitCode {
         return ExitCode::SUCCESS;
     }
     match fault.downcast_ref::<check::Faulty>() {
-        // What a check found is its result, which has been printed.
+        // The faults of a check are its result, which has been printed.
         Some(check::Faulty(failure)) => failure.tell(false),
         None => Failure::of_command(&fault).tell(wants_json),
     }

@@ -13,10 +13,10 @@ use crate::screen;
 /// Arguments of `new`.
 #[derive(Debug, Args)]
 pub struct NewArguments {
-    /// What it is to be
+    /// Kind of the new file
     #[arg(value_enum)]
     kind: NewKind,
-    /// Its name: letters, digits, `_` and `-`
+    /// Name: letters, digits, `_` and `-`
     #[arg(value_name = "NAME")]
     name: String,
     /// Folder to put it in
@@ -30,7 +30,7 @@ enum NewKind {
     Robot,
     /// A gripper with two parallel fingers
     Gripper,
-    /// What stands around the arm
+    /// Surroundings of an arm
     Workcell,
     /// The data sheet of a camera
     Camera,
@@ -58,7 +58,7 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
     let name = &arguments.name;
     let object = Kind::Object.names()[0];
     let of_kind = |kind, trial: &str| Ok::<_, InputError>((templates::files(kind, name)?, trial.to_owned()));
-    // How to try it: {} is the first of the files.
+    // Trial command: {} is the first of the files.
     let (new_files, trial) = match arguments.kind {
         NewKind::Robot => of_kind(Kind::Robot, "--robot {}")?,
         NewKind::Gripper => of_kind(Kind::Gripper, "--gripper {}")?,

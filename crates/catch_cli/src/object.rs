@@ -80,7 +80,7 @@ struct Document {
 /// Imports an object.
 ///
 /// # Errors
-/// What is wrong with the files, the options or the place to write to.
+/// Faults of the files, the options or the place to write to.
 pub fn run(arguments: &ObjectArguments) -> anyhow::Result<()> {
     let ObjectCommand::Import(arguments) = &arguments.command;
     let out = &arguments.out;

@@ -47,7 +47,7 @@ pub struct PlaceCamerasArguments {
     /// Throw: a built-in name or a file [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
     throw: Option<String>,
-    /// How many cameras
+    /// Number of cameras
     #[arg(long, value_name = "N", default_value_t = Config::default().cameras as u64, value_parser = whole(1, 16))]
     cameras: u64,
     /// Throws that are looked at
@@ -59,13 +59,13 @@ pub struct PlaceCamerasArguments {
     /// The opposite corner
     #[arg(long, value_name = "X,Y,Z", value_parser = corner, default_value_t = Corner(Config::default().volume_m[1]), allow_hyphen_values = true)]
     to: Corner,
-    /// Between neighbouring places on a wall, in metres
+    /// Distance between neighbouring places on a wall, in metres
     #[arg(long, value_name = "METRES", default_value_t = Config::default().spacing_m, value_parser = between(0.05, 5.0))]
     spacing: f64,
-    /// How long before the catch it is decided, in seconds
+    /// Time from the decision to the catch, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = Config::default().decision_s, value_parser = between(0.0, 2.0))]
     decision: f64,
-    /// How long before it the fingers begin to close, in seconds
+    /// Time from the start of finger closing to the catch, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = Config::default().closing_s, value_parser = between(0.0, 2.0))]
     closing: f64,
     /// No camera is nearer than this to any flight, in metres
@@ -134,7 +134,8 @@ struct RigDocument {
     /// 90 %.
     decision_sd_median_m: f64,
     decision_sd_90_m: f64,
-    /// The same when the fingers begin to close.
+    /// Standard deviation along each axis of the position at the catch, predicted when the fingers begin to
+    /// close: median and 90 %.
     closing_sd_median_m: f64,
     closing_sd_90_m: f64,
 }
@@ -159,7 +160,7 @@ impl RigDocument {
 /// Places cameras, writes their rig and a page, and compares them with the scenario's.
 ///
 /// # Errors
-/// What is wrong with the choice, or with writing.
+/// Faults of the choice, or of writing.
 pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
     let OutputArguments { out, json } = &arguments.output;
     let (rig_path, page_path) = (out.join("rig.toml"), out.join("cameras.html"));

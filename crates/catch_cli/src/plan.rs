@@ -57,7 +57,7 @@ struct Document {
     cases: Vec<Row>,
 }
 
-/// What became of one case.
+/// Result of one case.
 #[derive(Serialize)]
 struct Row {
     id: Value,
@@ -81,7 +81,7 @@ struct PlanFigures {
     retarget_ms: f64,
 }
 
-/// How far the spline's end is from what was asked for, and its start from the arm's state.
+/// Distance of the spline's end from the target, and of its start from the arm's state.
 #[derive(Serialize)]
 struct Residual {
     position_m: f64,
@@ -154,7 +154,7 @@ fn row(planner: &PosedPlanner, start: &Start, case: &PlannerCase, general: bool)
     Row { id: case.id.clone(), status, time_ms, plan }
 }
 
-/// What a function returns and the median of its run times in milliseconds.
+/// Returns the result of a function and the median of its run times in milliseconds.
 fn timed<T>(mut run: impl FnMut() -> T) -> (T, f64) {
     let mut measure = || {
         let before = Instant::now();

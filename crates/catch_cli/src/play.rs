@@ -51,17 +51,17 @@ pub struct PlayArguments {
     html: Option<PathBuf>,
 }
 
-/// What `--json` prints.
+/// Document of `--json`.
 #[derive(Debug, Serialize)]
 struct Document<'a> {
     version: &'static str,
-    /// That of the first object.
+    /// Scenario of the first object.
     scenario: &'a Scenario,
     objects: Vec<&'a str>,
     throws: usize,
     caught: usize,
     wilson95: [f64; 2],
-    /// Of the same throws, each alone.
+    /// Catches of the same throws as trials of their own.
     #[serde(skip_serializing_if = "Option::is_none")]
     caught_alone: Option<usize>,
     caught_per_minute: f64,
@@ -150,7 +150,7 @@ fn tell(table: &Table, life: &Life, document: &Document, alone: Option<usize>) -
     Ok(())
 }
 
-/// How many of the same throws are caught if each is a trial of its own.
+/// Counts the catches of the same throws as trials of their own.
 fn alone(play: &Play, throws: usize) -> usize {
     let bar = screen::progress_bar(throws, "throws alone");
     let mut caught = 0;

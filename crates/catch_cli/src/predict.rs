@@ -53,13 +53,13 @@ pub struct PredictArguments {
     /// Also predict for this time; may be given more than once
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     at: Vec<f64>,
-    /// What `learn` found of the object
+    /// Prior on the object's flights, a file that `learn` wrote
     #[arg(long, value_name = "FILE", conflicts_with_all = ["drag", "drag_sd"])]
     object: Option<PathBuf>,
     /// Isotropic drag: constant k of a = -k·|v|·v that is expected, in 1/m [default: 0.05 with --drag-sd]
     #[arg(long, value_name = "K", allow_negative_numbers = true)]
     drag: Option<f64>,
-    /// How well that is known, as a standard deviation; 0: exactly [default: 0.1]
+    /// Standard deviation of the constant k, in 1/m; 0: exactly known [default: 0.1]
     #[arg(long, value_name = "SD", allow_negative_numbers = true)]
     drag_sd: Option<f64>,
     /// Print one JSON document
@@ -85,7 +85,7 @@ pub enum Up {
 }
 
 impl Up {
-    /// Its direction.
+    /// Returns the direction as a vector.
     pub fn direction(self) -> Unit<Vector3<f64>> {
         match self {
             Self::X => Vector3::x_axis(),
@@ -111,7 +111,7 @@ struct Document {
     version: &'static str,
     /// `predicted`, or what is wrong.
     status: FlightStatus,
-    /// When a contact ended the flight.
+    /// Time of the contact that ended the flight.
     contact_s: Option<f64>,
     sightings: usize,
     inliers: Option<usize>,

@@ -54,7 +54,7 @@ struct Answer<'a> {
     throws: usize,
     mean_cost: f64,
     median_travel_rad: f64,
-    /// The same of as many throws that the pose was not chosen for.
+    /// Result for as many throws that the pose was not chosen for.
     other_throws: OtherThrows,
 }
 
@@ -68,7 +68,7 @@ struct OtherThrows {
 /// Searches from the scenario's present pose and prints what it finds.
 ///
 /// # Errors
-/// What is wrong with the choice, or with writing the answer.
+/// Faults of the choice, or of writing the answer.
 pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
     let some_or_none = |names: &[String]| -> Vec<Option<String>> {
         if names.is_empty() { vec![None] } else { names.iter().cloned().map(Some).collect() }

@@ -32,11 +32,10 @@ pub struct RegisterArguments {
     /// Cloud in which the object is looked for: .ply, .pcd or .xyz
     #[arg(long, value_name = "FILE")]
     cloud: PathBuf,
-    /// What the object looks like: a cloud, an .obj, .stl or .ply mesh, or an object as `catch --object`
-    /// takes it
+    /// Shape of the object: a cloud, an .obj, .stl or .ply mesh, or an object as `catch --object` takes it
     #[arg(long, value_name = "NAME|FILE")]
     reference: PathBuf,
-    /// How far off the cloud's points are, as a standard deviation; without it any residual counts as noise
+    /// Standard deviation of the cloud's points; without it any residual counts as noise
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true)]
     noise: f64,
     /// Print one JSON document

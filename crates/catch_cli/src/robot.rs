@@ -87,7 +87,7 @@ pub struct ImportArguments {
     json: bool,
 }
 
-/// What is thrown at an arm unless something else is asked for.
+/// Throws at an arm by default.
 const THROWS: [&str; 1] = ["random_by_reach"];
 /// Throws of each kind for which the waiting pose is chosen.
 const CHOSEN_FOR: u64 = 12;
@@ -95,7 +95,7 @@ const CHOSEN_FOR: u64 = 12;
 const TRIED_ON: u64 = 50;
 /// Shapes that could not be read, of which each is told.
 const MOST_FAULTS: usize = 3;
-/// So many joints bring a hand to every pose.
+/// Number of joints that bring a hand to every pose.
 const FREE_JOINTS: usize = 6;
 /// Poses from which the search may begin.
 const STARTS: usize = 30;
@@ -134,7 +134,7 @@ struct Reach {
 /// Imports a robot.
 ///
 /// # Errors
-/// What is wrong with the description, the options or the folder.
+/// Faults of the description, the options or the folder.
 pub fn run(arguments: &RobotArguments) -> anyhow::Result<()> {
     let RobotCommand::Import(arguments) = &arguments.command;
     import(arguments)

@@ -1,5 +1,5 @@
-//! What appears on the terminal. Colours only where the output is a terminal; results on standard output,
-//! faults on standard error.
+//! Output on the terminal. Colours only where the output is a terminal; results on standard output, faults on
+//! standard error.
 
 use std::{
     io::{self, IsTerminal, Write},
@@ -18,20 +18,19 @@ use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, TableComponent
 use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::SIGINT;
 
-/// For what went well.
+/// Style of results that are good.
 pub const GOOD: Style = AnsiColor::Green.on_default().bold();
-/// For what did not.
+/// Style of results that are bad.
 pub const BAD: Style = AnsiColor::Red.on_default().bold();
-/// For what stands out.
+/// Style of emphasized text.
 pub const STRONG: Style = Style::new().bold();
-/// For what stands back.
+/// Style of secondary text.
 pub const FAINT: Style = Style::new().dimmed();
 
 /// Width of the column of labels.
 const LABEL_WIDTH: usize = 24;
 
-/// What is said when somebody presses Ctrl-C, which then ends the program as ever. Once is enough: what is
-/// said stays.
+/// Prints a message at Ctrl-C, which then ends the program as ever. The message is printed once.
 pub fn at_interrupt(said: String) {
     let pressed = Arc::new(AtomicBool::new(false));
     let is_pressed = pressed.clone();
@@ -42,13 +41,13 @@ pub fn at_interrupt(said: String) {
         let _ = writeln!(anstream::stderr().lock(), "\n{said}");
         std::process::exit(INTERRUPTED);
     };
-    // Where nobody can wait, or no handler be set, the program ends without a word.
+    // If nobody can wait, or no handler can be set, the program ends without a word.
     if thread::Builder::new().spawn(wait).is_ok() {
         let _ = signal_hook::flag::register(SIGINT, pressed);
     }
 }
 
-/// How often it is looked whether somebody did.
+/// Period of the check for Ctrl-C.
 const LOOKS_EVERY: Duration = Duration::from_millis(50);
 /// Exit code of a program that an interrupt ended: 128 and the signal's number.
 const INTERRUPTED: i32 = 130;

@@ -52,7 +52,7 @@ struct RunArguments {
     /// Name of the suite
     #[arg(value_name = "NAME")]
     name: String,
-    /// Who catches
+    /// Brain that catches
     #[arg(long, value_enum, default_value = "ours")]
     brain: BrainArgument,
     /// Throws per object and throw at most, for a part of the suite
@@ -83,10 +83,10 @@ struct TableArguments {
     out: PathBuf,
 }
 
-/// Who catches.
+/// Brain that catches.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum BrainArgument {
-    /// This project's brain
+    /// The brain of this project
     Ours,
     /// The paper's own method
     Paper,
@@ -119,7 +119,7 @@ struct Document<'a> {
     suite: &'a str,
     content_sha256: &'a str,
     brain: &'static str,
-    /// Whether all throws of the suite were thrown.
+    /// True if all throws of the suite were thrown.
     complete: bool,
     conditions: &'a [Condition],
     trials: usize,
@@ -197,7 +197,7 @@ fn throw(arguments: &RunArguments) -> anyhow::Result<()> {
     if arguments.json { screen::json(&document) } else { Ok(print(&document)?) }
 }
 
-/// Where the document of a brain is.
+/// Returns the path of a brain's document.
 fn document_path(out: &Path, suite: &str, brain: &str) -> PathBuf {
     out.join(format!("{suite}-{brain}.json"))
 }
@@ -216,7 +216,7 @@ struct Read {
     rows_sha256: String,
 }
 
-/// What the table shows of a condition.
+/// Columns of the table for a condition.
 #[derive(Deserialize)]
 struct ReadCondition {
     scenario: String,
@@ -246,7 +246,7 @@ impl Read {
         read.check(suite, brain, &file).map(|()| Some(read))
     }
 
-    /// Whether it is of this suite and brain, and its counts can be.
+    /// Checks that the document is of this suite and brain, and that its counts are possible.
     fn check(&self, suite: &Suite, brain: &str, file: &str) -> Result<(), InputError> {
         let Self { content_sha256, conditions, trials, caught, rows_sha256, .. } = self;
         let is_hash = rows_sha256.len() == 64 && rows_sha256.bytes().all(|it| it.is_ascii_hexdigit());

@@ -39,7 +39,7 @@ pub struct ViewArguments {
     files: FileArguments,
 }
 
-/// What else can be written beside a recording.
+/// Further files that are written beside a recording.
 #[derive(Debug, Args)]
 pub struct FileArguments {
     /// Write a small moving picture, if the program was built with `--features gif`
@@ -51,7 +51,7 @@ pub struct FileArguments {
 }
 
 impl FileArguments {
-    /// Whether anything is asked for.
+    /// Returns whether any file is asked for.
     pub fn any(&self) -> bool {
         self.gif || self.mcap
     }
@@ -108,7 +108,7 @@ pub fn run(arguments: &ViewArguments) -> anyhow::Result<()> {
     Ok(screen::line(&page.display().to_string())?)
 }
 
-/// Whether a browser has somewhere to appear.
+/// Returns whether a browser has a display.
 fn has_display() -> bool {
     let is_set = |name: &str| env::var_os(name).is_some_and(|it| !it.is_empty());
     !cfg!(all(unix, not(target_os = "macos")))

@@ -1,4 +1,4 @@
-//! What each assumption of the scenario `paper` is worth, down to `honest`: the built-in study as a table.
+//! Cost of each assumption from the scenario `paper` down to `honest`: the built-in study as a table.
 
 use anyhow::Result;
 use catch_lab::{scenario::setup::Choice, study::Study};

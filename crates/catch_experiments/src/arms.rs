@@ -1,4 +1,4 @@
-//! What each built-in arm catches of the throws that are within its reach, and how long it searches.
+//! Catch rate of each built-in arm for the throws within its reach, and its search times.
 
 use anyhow::Result;
 use catch_bot::{
@@ -32,7 +32,7 @@ const CONDITIONS: [(&str, &str, &[&str]); 3] = [
     ("paper", "random by reach", &["random_by_reach"]),
     ("honest", "random by reach", &["random_by_reach"]),
 ];
-/// When the brain usually has its first estimate.
+/// Usual time of the brain's first estimate, in seconds.
 const FIRST_ESTIMATE_S: f64 = 0.07;
 
 /// Every arm, scenario and object.

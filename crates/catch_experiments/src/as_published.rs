@@ -134,7 +134,7 @@ pub fn run(options: &Options) -> Result<Findings> {
     Ok(Findings { legend: LEGEND, tables })
 }
 
-/// What each assumption was worth, around the throws.
+/// Table of the change that each assumption makes, around the throws.
 fn prices(options: &Options, count: usize) -> Result<Table> {
     let study = Study::load(SCENARIO, ("the experiment", "its study"))?;
     let columns = [
@@ -174,7 +174,7 @@ fn prices(options: &Options, count: usize) -> Result<Table> {
     Ok(table)
 }
 
-/// By how many points one rate is above another of the same throws.
+/// Difference of two rates of the same throws, in points.
 fn change(before: &[Verdict], after: &[Verdict], counts: fn(&Verdict) -> bool) -> String {
     let pairs = || before.iter().zip(after).map(|(before, after)| (counts(before), counts(after)));
     let gained = pairs().filter(|pair| *pair == (false, true)).count();
@@ -197,7 +197,7 @@ fn verdicts(setup: &Setup, seed: u64, count: usize) -> Result<Vec<Verdict>> {
 const MEASURES: [fn(&Verdict) -> bool; 4] =
     [|it| it.caught_paper_code, |it| it.caught_paper, |it| it.held_later, |it| it.caught_beyond_limits];
 
-/// How many are counted by each measure.
+/// Catch rates by each measure.
 fn rates(verdicts: &[Verdict]) -> [Entry; 4] {
     MEASURES.map(|counts| {
         let caught = verdicts.iter().filter(|verdict| counts(verdict)).count();
@@ -212,7 +212,7 @@ fn percents(counts: &[usize; 3], trials: usize) -> Entry {
     Entry::text(of.join(" / "))
 }
 
-/// What the arm was asked for.
+/// Load of the arm: joint velocity, torque and impulse.
 fn drive(scenario: &str, cell: &RerunCell, verdicts: &[Verdict]) -> Vec<Entry> {
     let median = |pick: &dyn Fn(&Measures) -> Option<f64>, factor: f64| {
         let values: Vec<f64> = verdicts.iter().filter_map(|it| pick(&it.measures)).collect();
@@ -238,8 +238,8 @@ fn drive(scenario: &str, cell: &RerunCell, verdicts: &[Verdict]) -> Vec<Entry> {
 mod tests {
     use super::*;
 
-    /// What the page compares with is what was published and what was measured of the authors' code: 65, 58
-    /// and 49 of 81, and around the throws 42, 36 and 34 of 48.
+    /// The reference of the page are the published results and those of the authors' code: 65, 58 and 49 of
+    /// 81, and around the throws 42, 36 and 34 of 48.
     #[test]
     fn the_reruns_have_81_and_48_trials() {
         let Rerun { cell, around } = toml::from_str(include_str!("rerun.toml")).unwrap();

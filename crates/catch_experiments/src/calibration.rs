@@ -1,4 +1,4 @@
-//! How well near cameras are calibrated on the arm that they see.
+//! Accuracy of near cameras that are calibrated on the arm that they see.
 
 mod correlated_noise;
 mod flights;
@@ -23,14 +23,14 @@ use crate::{
     spread::{median, percent, quantiles},
 };
 
-/// How far off each camera is believed to stand, in a random direction and about a random axis.
+/// Error of each camera's believed position, in a random direction, and rotation about a random axis.
 const OFF_M: f64 = 0.05;
 const OFF_DEG: f64 = 5.0;
 /// The part of the disparity's error of `near_stereo` that all pixels of an image have in common, 0.08 px·√½.
 const COMMON_PX: f64 = 0.08 * std::f64::consts::FRAC_1_SQRT_2;
-/// How far its clock is off, uniformly to both sides.
+/// Largest error of a camera's clock, uniform to both sides.
 const CLOCK_OFF_S: f64 = 0.01;
-/// What the arm does not know of itself in the cases beside, and the images have to tell.
+/// Errors of the arm's model in further cases, which the images have to show.
 const LINK_SD_M: f64 = 0.001;
 const ZERO_SD_DEG: f64 = 0.03;
 /// Quantile of the squared Mahalanobis distance with six degrees of freedom that covers 95 %.
@@ -61,13 +61,13 @@ enum Wrong {
 }
 
 impl Condition {
-    /// Whether flights refine it, too.
+    /// Returns whether flights refine the calibration, too.
     fn has_flights(self) -> bool {
         self.cameras != 3 && matches!(self.wrong, Wrong::Nothing | Wrong::Zeros)
     }
 }
 
-/// Those in one list share their sessions.
+/// Conditions; those in one list have the same sessions.
 const CONDITIONS: [&[Condition]; 4] = [
     &[
         Condition { cameras: 2, about: "as modelled", wrong: Wrong::Nothing },
@@ -79,7 +79,7 @@ const CONDITIONS: [&[Condition]; 4] = [
     &[Condition { cameras: 4, about: "as modelled", wrong: Wrong::Nothing }],
 ];
 
-/// What became of one camera.
+/// Result of one camera.
 struct Outcome {
     status: CalibrationStatus,
     position_m: f64,
@@ -90,7 +90,7 @@ struct Outcome {
     rotation_sd_deg: f64,
 }
 
-/// What became of one session: its time, and by condition the cameras, and what flights made of them.
+/// Result of one session: its time, and by condition the cameras, and their refinement by flights.
 type Drawn = (f64, Vec<(Vec<Outcome>, Option<flights::Refined>)>);
 
 /// Cameras by what is wrong.

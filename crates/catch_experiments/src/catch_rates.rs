@@ -1,4 +1,4 @@
-//! How often the built-in arm catches the built-in objects.
+//! Catch rates of the built-in arm for the built-in objects.
 
 use anyhow::Result;
 use catch_lab::{

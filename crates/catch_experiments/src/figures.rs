@@ -214,7 +214,7 @@ fn gripper_frame(setup: &Setup) -> String {
     drawing.svg()
 }
 
-/// How far the first joint of the default arm gets from rest, over time.
+/// Plot of the reachable set of the default arm's first joint from rest, over time.
 fn reach(setup: &Setup) -> String {
     let joint = &setup.robot.joints[0];
     let mut drawing = Drawing::new(640.0, 360.0);

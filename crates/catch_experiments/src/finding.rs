@@ -1,4 +1,4 @@
-//! How soon near cameras find what flies, and whether they take a person who walks for it.
+//! Detection delay of near cameras for a thrown object, and false detections of a person who walks.
 
 use anyhow::Result;
 use catch_cell::{Brain, CameraModel, Cell};
@@ -21,13 +21,13 @@ use crate::{
 const ENTERED_M: f64 = 3.0;
 /// A pose that is farther off is none of the object.
 const RIGHT_M: f64 = 0.15;
-/// After how long a flight is over.
+/// Time after which a flight is over, in seconds.
 const LONGEST_S: f64 = 1.2;
-/// How long nothing flies.
+/// Duration without any flight, in seconds.
 const EMPTY_S: f64 = 1.0;
-/// Where the object lies meanwhile, out of the cameras' range.
+/// Position of the object meanwhile, out of the cameras' range.
 const OUT_OF_SIGHT_M: [f64; 3] = [45.0, 45.0, 0.3];
-/// Who walks: near enough to pass between cameras and arm, and past a camera.
+/// Person who walks: near enough to pass between cameras and arm, and past a camera.
 const PERSON: &str = "arena.person={ nearest_m = { min = 1.0, max = 3.0 }, speed_mps = { min = 0.6, max = 1.8 } }";
 
 const LEGEND: &str = "The scenario honest with near stereo cameras that run freely, without labels, calibrated as on the page of the \
@@ -37,7 +37,7 @@ flies* in scenes of one second. The brain knows one of the three objects. In eac
 3 m. The speed is 0.6 to 1.8 m/s. Legs and arms swing. An observation has the images of 10 ms. A false start is a motion that the arm was sent; it \
 ends the scene.";
 
-/// When an object enters the view of so many cameras.
+/// Finds the time at which an object enters the view of `needed` cameras.
 fn entered_s(cameras: &[CameraModel], needed: usize, radius_m: f64, samples: &[TruthSample]) -> Option<f64> {
     let sees = |camera: &&CameraModel, sample: &TruthSample| {
         let p_C = camera.X_WC.inverse_transform_point(&sample.X_WO.translation.vector.into());
@@ -50,7 +50,7 @@ fn entered_s(cameras: &[CameraModel], needed: usize, radius_m: f64, samples: &[T
     entered.map(|sample| sample.time_s)
 }
 
-/// When a throw entered the view, and when its first right pose is of.
+/// Returns the time at which a throw entered the view, and the capture time of its first right pose.
 fn found(setup: &Setup, seed: u64, index: u64) -> (Option<f64>, Option<f64>) {
     let (mut arena, mut brain) = (setup.arena(seed, index), setup.brain(seed, index));
     let cameras = true_cameras(setup, seed, index);
@@ -78,12 +78,12 @@ fn found(setup: &Setup, seed: u64, index: u64) -> (Option<f64>, Option<f64>) {
     (entered_s(&cameras, needed, radius_m, &arena.truth().samples), found_s)
 }
 
-/// What a brain makes of a scene in which nothing flies.
+/// Counts of a brain in a scene in which nothing flies.
 #[derive(Debug, Clone, Copy, Default)]
 struct Empty {
     observations: usize,
     images: usize,
-    /// With a pose.
+    /// Number of observations with a pose.
     poses: usize,
     started: bool,
 }

@@ -18,15 +18,15 @@ use crate::{
     spread::{median, percent},
 };
 
-/// How long the brain looks on.
+/// Duration for which the brain sees the object, in seconds.
 const SEEN_S: f64 = 0.2;
-/// After how long the prediction is compared first, and then at the end.
+/// Time of the first comparison of the prediction, in seconds; the second is at the end.
 const EARLY_S: f64 = 0.1;
-/// For when positions are predicted: shortly before objects are caught.
+/// Time for which positions are predicted, in seconds: shortly before objects are caught.
 const PREDICTED_FOR_S: f64 = 0.55;
 /// A first pose that is farther off is a wrong one.
 const WRONG_M: f64 = 0.01;
-/// The same for its orientation, in radians.
+/// Least rotation error of a wrong first pose, in radians.
 const WRONG_RAD: f64 = 0.2;
 /// 95 % of χ² with three degrees of freedom.
 const CHI_SQUARED_95: f64 = 7.815;
@@ -34,10 +34,10 @@ const CHI_SQUARED_95: f64 = 7.815;
 /// Throws of a condition, in turn.
 const THROWS: [&str; 2] = ["near_sampled", "far_sampled"];
 
-/// How throws are made, seen and looked at.
+/// Condition under which throws are made, seen and evaluated.
 #[derive(Debug, Clone)]
 pub struct Condition {
-    /// What tells it from others, one word per column.
+    /// Labels of the condition, one word per column.
     pub labels: Vec<&'static str>,
     pub scenario: &'static str,
     pub throws: &'static [&'static str],
@@ -46,12 +46,12 @@ pub struct Condition {
 }
 
 impl Condition {
-    /// In the scenario of the paper.
+    /// Creates a condition in the scenario of the paper.
     fn in_paper(labels: &[&'static str], settings: &[&'static str]) -> Self {
         Self { labels: labels.to_vec(), scenario: "paper", throws: &THROWS, settings: settings.to_vec() }
     }
 
-    /// What its trials of an object share, throw by throw.
+    /// Loads the setups of the condition's trials of an object, throw by throw.
     pub fn setups(&self, object: &str) -> Result<Vec<Setup>> {
         let settings: Vec<String> = self.settings.iter().map(|&it| it.to_owned()).collect();
         let (scenario, first) = (Some(self.scenario), self.throws.first().copied());
@@ -86,7 +86,8 @@ pub fn noises_and_labels() -> Vec<Condition> {
     NOISES.into_iter().flat_map(both).collect()
 }
 
-/// What truly happened in a throw of which the brain sees the first images; `tick` is one tick of it.
+/// Runs a throw of which the brain sees the first images, and returns the true states; `tick` is one tick of
+/// it.
 pub fn look(
     setup: &Setup,
     seed: u64,
@@ -120,9 +121,9 @@ struct Errors {
     missing: [usize; 2],
     pose_m: Vec<f64>,
     pose_rad: Vec<f64>,
-    /// Of the predicted position, early and at the end.
+    /// Errors of the predicted position, early and at the end.
     predicted_m: [Vec<f64>; 2],
-    /// Of the predicted orientation at the end.
+    /// Errors of the predicted orientation at the end.
     predicted_rad: Vec<f64>,
     /// Predicted positions at the end whose error lies within the claimed 95 %.
     covered: usize,
@@ -249,7 +250,7 @@ impl Errors {
     }
 }
 
-/// By depth noise, with labels and without.
+/// Table by depth noise, with labels and without.
 pub fn perception(options: &Options) -> Result<Findings> {
     let conditions = noises_and_labels();
     Ok(Findings { legend: LEGEND, tables: vec![table("By noise", &["noise", "labels"], &conditions, options)?] })

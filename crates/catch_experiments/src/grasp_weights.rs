@@ -21,7 +21,7 @@ use throws::{Batch, Throw};
 use training_objects::listed;
 use weights::{SETTINGS, Terms, Weights};
 
-/// Where throws are kept, and the files of the objects.
+/// Folder of the throws, and of the objects' files.
 const FOLDER: &str = "target/grasp-weights";
 /// Groups of objects of which each is left out once.
 const FOLDS: usize = 5;
@@ -91,7 +91,7 @@ pub fn run(options: &Options) -> Result<Findings> {
     })
 }
 
-/// Those of the objects that are held out, and of the others.
+/// Loads the setups of the objects that are held out, and of the others.
 fn setups() -> Result<(Vec<Setup>, Vec<Setup>)> {
     let folder = Path::new(FOLDER).join("objects");
     let (mut held_out, mut training) = (Vec::new(), Vec::new());
@@ -142,8 +142,8 @@ fn weights_table(model: &Model, today: &Weights, fitted: &Weights) -> Table {
     table
 }
 
-/// What was thrown of each object, and how well its catches are told from its misses by a model that has not
-/// seen it.
+/// Table of the throws of each object, and of the separation of its catches from its misses by a model that
+/// has not seen it.
 fn objects_table(thrown: &[Throw], observations: &[Observation], probabilities: &[f64], today: &Weights) -> Table {
     let columns = [
         "object",
@@ -196,7 +196,7 @@ fn calibration_table(observations: &[Observation], probabilities: &[f64]) -> Tab
     table
 }
 
-/// The same throws with the weights in use and with the fitted ones.
+/// Compares the same throws with the weights in use and with the fitted ones.
 fn comparison(before: &[Throw], after: &[Throw]) -> Table {
     let columns =
         ["object", "throws", "weights in use, %", "fitted, %", "gained", "lost", "difference, points", "from", "to"];

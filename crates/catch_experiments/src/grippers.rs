@@ -1,4 +1,4 @@
-//! What the built-in grippers catch on two arms, and why they miss.
+//! Catch rates of the built-in grippers on two arms, and the reasons of their misses.
 
 use anyhow::Result;
 use catch_lab::{

@@ -11,7 +11,8 @@ const LEAST_STEP: f64 = 1e-10;
 /// The fraction of the decrease by the gradient that a step has to bring (Armijo's condition).
 const SUFFICIENT: f64 = 1e-4;
 
-/// What is minimized over the coefficients β, of the rows xᵢ of `X` and the outcomes yᵢ of `y`, 0 or 1:
+/// Logistic regression: minimizes over the coefficients β, for the rows xᵢ of `X` and the outcomes yᵢ of `y`,
+/// 0 or 1:
 ///
 /// Σᵢ (ln(1 + exp(xᵢ·β)) − yᵢ·xᵢ·β) + ½·Σⱼ λⱼ·βⱼ²,   βⱼ ≤ 0 for every j of `is_at_most_zero`
 pub struct LogisticRegression<'a> {
@@ -21,7 +22,7 @@ pub struct LogisticRegression<'a> {
     pub y: &'a DVector<f64>,
     /// The ridge λⱼ of each coefficient.
     pub ridge: &'a DVector<f64>,
-    /// Which coefficients may not be positive.
+    /// Flags of the coefficients that may not be positive.
     pub is_at_most_zero: &'a [bool],
 }
 
@@ -30,7 +31,7 @@ pub struct LogisticRegression<'a> {
 pub struct Coefficients {
     /// The coefficients β.
     pub beta: DVector<f64>,
-    /// By the inverse of the Hessian over the coefficients that are free.
+    /// Standard errors from the inverse of the Hessian over the coefficients that are free.
     pub standard_errors: Vec<Option<f64>>,
 }
 
@@ -98,7 +99,7 @@ impl LogisticRegression<'_> {
         self.X.transpose() * ((self.X * beta).map(logistic) - self.y) + self.ridge.component_mul(beta)
     }
 
-    /// Over the coefficients that are free.
+    /// Hessian over the coefficients that are free.
     fn hessian(&self, beta: &DVector<f64>, free: &[usize]) -> DMatrix<f64> {
         let p = (self.X * beta).map(logistic);
         let X = self.X.select_columns(free);

@@ -38,14 +38,14 @@ use results::Table;
 /// An experiment.
 struct Experiment {
     name: &'static str,
-    /// What it measures, in one line.
+    /// Description of the experiment, in one line.
     about: &'static str,
     /// Trials per condition unless told otherwise.
     trials: u64,
     run: fn(&Options) -> Result<Findings>,
 }
 
-/// How an experiment is run.
+/// Options of an experiment.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// Seed of everything random.
@@ -66,9 +66,9 @@ impl Options {
     }
 }
 
-/// What an experiment found.
+/// Results of an experiment.
 pub struct Findings {
-    /// What the columns mean, as Markdown.
+    /// Meaning of the columns, as Markdown.
     pub legend: &'static str,
     /// The figures.
     pub tables: Vec<Table>,

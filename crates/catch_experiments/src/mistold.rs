@@ -1,5 +1,5 @@
-//! What a wrong belief costs: one figure of the brain's knowledge wrong at a time, on the same throws as with
-//! the right one.
+//! Cost of a wrong belief: one figure of the brain's model wrong at a time, on the same throws as with the
+//! right one.
 
 use catch_body::statistics::paired95;
 use std::{fs, path::PathBuf};
@@ -27,7 +27,7 @@ and *wrong*. *Difference*: wrong less right, in points of all throws, with its i
 *size*. The *centre of mass* of the object is beside that of uniform density, which the brain expects. This row alone changes the world. What \
 a run has found is kept in `target/mistold`, so that one that was ended goes on.";
 
-/// What throws depend on.
+/// Sources that throws depend on.
 const SOURCES: &[&str] = &[
     "assets",
     "crates/catch_body",
@@ -75,7 +75,7 @@ pub fn honest(options: &Options) -> Result<Findings> {
     run("honest", options)
 }
 
-/// The same in the scenario `lab`.
+/// Runs the experiment in the scenario `lab`.
 pub fn lab(options: &Options) -> Result<Findings> {
     run("lab", options)
 }
@@ -117,7 +117,7 @@ struct Case<'a> {
 }
 
 impl Case<'_> {
-    /// Which throws are caught, of those kept by an earlier run or thrown now.
+    /// Returns which throws are caught, of those kept by an earlier run or thrown now.
     fn caught(&self, seed: u64, trials: u64, change: &dyn Fn(&mut Setup)) -> Result<Vec<bool>> {
         let mut setup =
             Setup::load(&Choice { scenario: Some(self.scenario), object: Some(self.object), ..Choice::default() })?;
@@ -144,7 +144,7 @@ impl Case<'_> {
         Ok(caught)
     }
 
-    /// Where a part of its throws is kept; each commit has a folder of its own.
+    /// Returns the file of a part of its throws; each commit has a folder of its own.
     fn file(&self, seed: u64, first: u64) -> PathBuf {
         let Self { scenario, object, belief, value } = self;
         let name = format!("{scenario}-{object}-{belief}-{value}-{seed}-{first}.json").replace([' ', '/'], "_");

@@ -1,4 +1,4 @@
-//! What rigs of a few near cameras catch.
+//! Catch rates with rigs of a few near cameras.
 
 use catch_body::statistics::wilson95;
 use std::collections::BTreeMap;
@@ -25,9 +25,9 @@ pub fn rigs() -> impl Iterator<Item = String> {
     (1..=4).map(|cameras| format!("d435_{cameras}"))
 }
 
-/// What near cameras change of the scenario honest: they run freely, without labels, calibrated to what
-/// calibration on the arm leaves. Where the object flies is known late, so corrections take what reach single
-/// joints have left.
+/// Settings of near cameras in the scenario honest: they run freely, without labels, calibrated as well as a
+/// calibration on the arm achieves. The flight is known late, so corrections use all of the reachable set
+/// that single joints have left.
 pub const SETTINGS: [&str; 8] = [
     "camera=d435",
     "arena.free_running_cameras=true",

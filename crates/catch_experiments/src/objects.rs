@@ -27,9 +27,9 @@ use crate::{
     spread::percent,
 };
 
-/// Where collections are, or are fetched to, and what is made of them.
+/// Folder of the collections, fetched or given, and of the files made of them.
 const FOLDER: &str = "target/objects";
-/// When the spin is compared, after the first pose, and what is called wrong.
+/// Time after the first pose at which the spin is compared, and the error from which it is wrong.
 const SPIN_SEEN_S: f64 = 0.15;
 const WRONG_RADPS: f64 = 3.0;
 
@@ -162,7 +162,7 @@ fn beside(pairs: &[Pair], folder: &Path, options: &Options) -> Result<Table> {
     Ok(table)
 }
 
-/// Of pairs of throws: how many, both rates, their difference in points and its interval.
+/// Statistics of pairs of throws: number, both rates, their difference in points and its interval.
 fn difference(caught: &[[usize; 2]]) -> Vec<Entry> {
     let (count, [mesh, own]) = (caught.len(), [0, 1].map(|i| caught.iter().map(|it| it[i]).sum::<usize>()));
     let one_of_both = caught.iter().filter(|[mesh, own]| mesh != own).count();
@@ -193,7 +193,7 @@ fn fetch(collection: &Collection, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// How many objects of a folder can be imported.
+/// Counts the objects of a folder that can be imported.
 fn imported_of(collection: &str, folder: &Path) -> Result<Vec<Entry>> {
     let entries = fs::read_dir(folder).with_context(|| folder.display().to_string())?;
     let mut paths: Vec<PathBuf> = entries.filter_map(|it| it.ok().map(|it| it.path())).collect();
@@ -222,7 +222,7 @@ fn written(source: &Path, folder: &Path) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// What the brain made of the scan.
+/// Describes the model that the brain made of the scan.
 fn model(setup: &Setup) -> Vec<Entry> {
     let known = setup.known();
     let (reference, object) = (known.reference(), &setup.object);
@@ -235,7 +235,7 @@ fn model(setup: &Setup) -> Vec<Entry> {
     ]
 }
 
-/// Of throws.
+/// Results of throws.
 #[derive(Debug, Clone, Default)]
 struct Outcome {
     throws: usize,
@@ -282,8 +282,8 @@ impl Outcome {
     }
 }
 
-/// How far the angular velocity was off when the object had been seen for a while and nothing had touched it;
-/// of objects whose rotation can be seen.
+/// Error of the angular velocity when the object had been seen for a while and nothing had touched it; of
+/// objects whose rotation can be seen.
 fn spin_error_radps(setup: &Setup, trial: &Trial, verdict: &Verdict) -> Option<f64> {
     if !matches!(setup.known().reference().symmetry, Symmetry::Finite { .. }) {
         return None;

@@ -1,4 +1,4 @@
-//! How soon a camera that was pushed is noticed in a life of many throws.
+//! Detection delay of a camera that was pushed, in a life of many throws.
 
 use anyhow::Result;
 use catch_bot::perception::CameraStatus;
@@ -18,9 +18,9 @@ use crate::{
     spread::{median, percent},
 };
 
-/// How far a camera is pushed, in a random direction.
+/// Displacement of a pushed camera, in a random direction.
 const PUSHED_M: f64 = 0.02;
-/// When, on the cell's clock: after some throws, and far from where a throw begins.
+/// Time of the push on the cell's clock: after some throws, and far from where a throw begins.
 const PUSHED_S: f64 = 9.0;
 /// Throws of a life, at least ten of them after the push: they are 4 to 10 s apart.
 const THROWS: u64 = 13;
@@ -31,9 +31,9 @@ life in which the push was *noticed* is one whose brain says that this camera is
 throws that begin after that. Those are ten or more. A camera was *named wrongly* in lives in which the \
 brain named another one, or this one before the push. In half as many lives with three and four cameras no camera is pushed.";
 
-/// What became of a life.
+/// Result of a life.
 struct Pushed {
-    /// After the push, from 1 on; none if it was not noticed.
+    /// Number of the throw after the push that noticed it, from 1 on; `None` if none did.
     throw: Option<usize>,
     named_wrongly: bool,
 }

@@ -13,7 +13,7 @@ use catch_lab::{
 
 use crate::{Options, results::Entry, spread::percent};
 
-/// What is told of each condition.
+/// Figures of each condition.
 pub const FIGURES: [&str; 7] =
     ["trials", "within reach, %", "caught, %", "from, %", "to, %", "limits broken", "misses within reach"];
 
@@ -31,7 +31,7 @@ pub fn rows(setups: Vec<Setup>, options: &Options) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// What the trials of a condition say together, one entry for each of [`FIGURES`].
+/// Summarizes the trials of a condition, one entry for each of [`FIGURES`].
 pub fn figures(setups: Vec<Setup>, options: &Options) -> Result<Vec<Entry>> {
     let rows = rows(setups, options)?;
     let within: Vec<&Row> = rows.iter().filter(|row| !row.verdict.is_out_of_reach()).collect();

@@ -1,4 +1,4 @@
-//! What is caught of throws that were recorded, repeated in the arena.
+//! Catch rates of throws that were recorded, repeated in the arena.
 
 use std::path::Path;
 
@@ -48,7 +48,7 @@ pub fn run(options: &Options) -> Result<Findings> {
     Ok(Findings { legend: LEGEND, tables: vec![table] })
 }
 
-/// The same with the throws that are recorded in a folder.
+/// Returns the setup with the throws that are recorded in a folder.
 fn thrown(setup: &Setup, folder: &Path, flight: &str) -> Result<Setup> {
     let name = folder.file_name().context("a folder with a name")?.to_string_lossy().into_owned();
     let text = format!("[motion]\nkind = \"recorded\"\nflight = \"{flight}\"\n");

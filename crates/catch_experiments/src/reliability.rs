@@ -28,9 +28,9 @@ in the ellipsoids that claim to hold 50, 80, 95 and 99 % of them. Simulated thro
 scenario. What is predicted is the position 0.6 s after the release, and the arm stands still. Recorded throws are tracks of motion capture \
 ([their source](flights.md)), whose last row is predicted. The prior is learned from other throws of the object, or from the other objects.";
 
-/// For when positions are predicted, after the release: shortly before objects are caught.
+/// Time after the release for which positions are predicted, in seconds: shortly before objects are caught.
 const PREDICTED_FOR_S: f64 = 0.6;
-/// How long before that, in seconds.
+/// Times from the prediction to that instant, in seconds.
 const TO_GO_S: [f64; 4] = [0.4, 0.3, 0.2, 0.1];
 /// Recorded throws that are learned from at least, and parts of the cross-validation.
 const LEAST_THROWS: usize = 5;

@@ -17,7 +17,7 @@ use crate::{Findings, Options};
 /// A table; its first columns say what the condition is.
 #[derive(Debug, Clone, Serialize)]
 pub struct Table {
-    /// What stands above it.
+    /// Title of the table.
     pub title: String,
     /// Names of the columns, with their units.
     pub columns: Vec<String>,
@@ -25,13 +25,13 @@ pub struct Table {
     pub rows: Vec<Vec<Entry>>,
 }
 
-/// What stands in one place of a table.
+/// Entry of a table.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Entry {
     /// A word.
     Text(String),
-    /// How often.
+    /// A number of things.
     Count(usize),
     /// A measured value; none where nothing was measured.
     Number(Option<f64>),
@@ -62,7 +62,7 @@ impl Entry {
         Self::Text(text.into())
     }
 
-    /// To three digits, as people read it.
+    /// Formats the entry with three digits.
     fn markdown(&self) -> String {
         match self {
             Self::Text(text) => text.clone(),
@@ -76,7 +76,7 @@ impl Entry {
     }
 }
 
-/// What was run where.
+/// Provenance of the results: command, version, machine and seed.
 #[derive(Debug, Serialize)]
 struct Provenance {
     command: String,
@@ -111,7 +111,7 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
         "cargo run --release -p catch_experiments -- {name} --seed {} --trials {}",
         options.seed, options.trials
     );
-    // Where the folders lie is nobody else's.
+    // The place of the folders is private.
     for folder in options.tracks.iter().filter_map(|it| it.file_name()) {
         let _ = write!(command, " --tracks {}", folder.display());
     }

@@ -17,7 +17,7 @@ use crate::{
 const LEGEND: &str = "CPU time of one thread in ms, over the ticks of the first 200 ms of each throw, in which the stage ran. A *first pose* is perception in \
 ticks that find the object without a prediction. An *update* is perception and prediction together in ticks that find it where it was predicted.";
 
-/// What an update of a tracked object consists of.
+/// Stages of an update of a tracked object.
 const UPDATE: [&str; 2] = ["perception", "trajectory_prediction"];
 
 /// CPU time of this thread in milliseconds, which other programs hardly disturb; not a number where it cannot

@@ -19,7 +19,7 @@ use catch_recording::bounded_file::{FileKind, as_spelt};
 
 static BUILT_IN: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
 
-/// What can be named.
+/// Kind of asset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Everything that belongs to a set of trials.
@@ -32,7 +32,7 @@ pub enum Kind {
     Object,
     /// A way of throwing.
     Throw,
-    /// What stands around an arm.
+    /// Surroundings of an arm.
     Workcell,
     /// The data sheet of a camera.
     Camera,
@@ -116,7 +116,7 @@ impl Display for Kind {
     }
 }
 
-/// Where an asset's text came from, and so where the files that it names are looked for.
+/// Origin of an asset's text, from which the files that it names are found.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Origin {
     /// A folder of the built-in assets.
@@ -130,11 +130,11 @@ pub enum Origin {
 pub struct Asset {
     /// Short name: a built-in name, or the file's without its ending.
     pub name: String,
-    /// What errors call the file.
+    /// Name of the file in error messages.
     pub file: String,
-    /// Its content.
+    /// Content of the file.
     pub text: String,
-    /// Where it lies.
+    /// Origin of the file.
     pub origin: Origin,
 }
 

@@ -1,13 +1,13 @@
-//! Where to put cameras: poses that tell most about flights by the time when the catch is decided.
+//! Camera placement: poses from which the flight is best determined when the catch is decided.
 //!
-//! A measure of rigs, and a search for the rig that is best by it. For each of many throws of a scenario
-//! every image until the decision tells something about the flight, if it shows the object: neither its
-//! border nor the waiting arm hides it. The flight is a parabola with an unknown position and velocity at the
-//! catch. Each image adds the information Jᵀ·W·J with J = \[I, (t − t_c)·I\] and W the inverse covariance of
-//! a position that one image measures: the data sheet's noise along the optical axis, [`LATERAL_PX`] across
-//! it. The covariance of the position at the catch is a block of the inverse of the sum. The catch is where
-//! the flight is nearest to the base's axis. What counts is the deviation at two times: when the catch is
-//! decided, and when the fingers begin to close.
+//! The module has a score of rigs, and a search for the best rig. For each of many throws of a
+//! scenario every image until the decision has information about the flight, if it shows the object: neither
+//! its border nor the waiting arm hides it. The flight is a parabola with an unknown position and velocity at
+//! the catch. Each image adds the information Jᵀ·W·J with J = \[I, (t − t_c)·I\] and W the inverse covariance
+//! of a position that one image measures: the data sheet's noise along the optical axis, [`LATERAL_PX`]
+//! across it. The covariance of the position at the catch is a block of the inverse of the sum. The catch is
+//! where the flight is nearest to the base's axis. Rigs are compared by the standard deviation at two times:
+//! when the catch is decided, and when the fingers begin to close.
 //!
 //! Cameras are calibrated on the arm, so that only those are chosen which show enough of it. The search is
 //! greedy and then exchanges cameras as long as that helps (Fedorov, Theory of optimal experiments, 1972).
@@ -39,22 +39,22 @@ const AIMS: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
 /// Aimed places times throws, at most: of each two matrices are kept, 600 MB in all.
 const MOST_TOLD: f64 = 1e6;
 
-/// What is asked for.
+/// Settings of a camera placement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Config {
-    /// How many cameras.
+    /// Number of cameras.
     pub cameras: usize,
     /// Throws that are looked at.
     pub throws: u64,
-    /// Their seed, and that of the arm's postures.
+    /// Seed of the throws and of the arm's postures.
     pub seed: u64,
     /// Opposite corners of the volume on whose walls and ceiling cameras may hang, in W.
     pub volume_m: [[f64; 3]; 2],
-    /// Between neighbouring places on a wall.
+    /// Distance between neighbouring places on a wall.
     pub spacing_m: f64,
-    /// How long before the catch it is decided.
+    /// Time from the decision to the catch.
     pub decision_s: f64,
-    /// How long before it the fingers begin to close.
+    /// Time from the start of finger closing to the catch.
     pub closing_s: f64,
     /// No camera is nearer than this to any flight.
     pub clear_m: f64,
@@ -79,12 +79,12 @@ impl Default for Config {
     }
 }
 
-/// What a rig sees and tells of the flights.
+/// Score of a rig: visibility of the object and accuracy of the predicted flights.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Score {
     /// Fraction of the instants until the catch at which one camera or more shows the object.
     pub shown_by_one: f64,
-    /// The same for two or more.
+    /// Fraction of these instants at which two cameras or more show the object.
     pub shown_by_two: f64,
     /// Fraction of each camera's images until the catch that show it.
     pub shown: Vec<f64>,
@@ -93,7 +93,8 @@ pub struct Score {
     /// Expected standard deviation along each axis of the position at the catch that is predicted when it is
     /// decided, in metres, of each throw in rising order.
     pub decision_sd_m: Vec<f64>,
-    /// The same when the fingers begin to close.
+    /// Expected standard deviation along each axis of the position at the catch that is predicted when the
+    /// fingers begin to close, in metres, of each throw in rising order.
     pub closing_sd_m: Vec<f64>,
 }
 
@@ -106,7 +107,7 @@ pub fn quantile_m(rising: &[f64], fraction: f64) -> f64 {
 /// Cameras that were placed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placement {
-    /// Where they stand.
+    /// Cameras of the rig.
     pub cameras: Vec<CameraModel>,
     /// Places and aims among which they were chosen.
     pub candidates: usize,
@@ -115,9 +116,9 @@ pub struct Placement {
 /// One throw at the instants until the catch.
 #[derive(Debug, Clone)]
 pub struct SampledFlight {
-    /// Where the object is every 10 ms from the release on.
+    /// Positions of the object every 10 ms from the release on.
     pub p_WO: Vec<Point3<f64>>,
-    /// When it is caught after the release, in seconds.
+    /// Time of the catch after the release, in seconds.
     pub catch_s: f64,
 }
 
@@ -129,7 +130,7 @@ pub struct PlacementStudy<'a> {
     /// The throws.
     pub flights: Vec<SampledFlight>,
     arm: ArmSurface,
-    /// Where joints may be.
+    /// Joint positions in random postures of the arm.
     joints: Vec<Point3<f64>>,
 }
 
@@ -152,7 +153,7 @@ impl<'a> PlacementStudy<'a> {
             let expected = format!("less than the {} s of --decision", config.decision_s);
             return Err(InputError::new(COMMAND_LINE, "--closing", config.closing_s, expected));
         }
-        // What each place tells of each throw is kept.
+        // The information of each place about each throw is kept.
         let sides = [0, 1, 2].map(|axis| (to[axis] - from[axis]) / config.spacing_m + 1.0);
         let places = 2.0 * (sides[0] + sides[1]) * sides[2] + sides[0] * sides[1];
         let told = places * AIMS.len() as f64 * config.throws as f64;
@@ -183,7 +184,7 @@ impl<'a> PlacementStudy<'a> {
         Ok(Self { setup, config, flights, arm, joints: arm_view::joint_places(&setup.robot, config.seed) })
     }
 
-    /// What a rig sees and tells.
+    /// Evaluates a rig: visibility of the object and accuracy of the predictions.
     pub fn score(&self, cameras: &[CameraModel]) -> Score {
         let sights: Vec<Vec<Vec<bool>>> = cameras.iter().map(|camera| self.sight(camera)).collect();
         let (mut instants, mut by_one, mut by_two) = (0, 0, 0);
@@ -304,7 +305,7 @@ impl<'a> PlacementStudy<'a> {
         Point3::from(self.flights.iter().map(place).sum::<Vector3<f64>>() / self.flights.len().max(1) as f64)
     }
 
-    /// At which instants of each throw a camera shows the object.
+    /// Returns the instants of each throw at which a camera shows the object.
     pub fn sight(&self, camera: &CameraModel) -> Vec<Vec<bool>> {
         let X_WL = self.setup.robot.link_poses(&self.setup.robot.ready_q);
         let arm: Vec<_> = self.arm.parts(&X_WL, self.setup.gripper.max_width_m).collect();
@@ -332,8 +333,8 @@ impl<'a> PlacementStudy<'a> {
         self.flights.iter().map(|flight| flight.p_WO.iter().map(shows).collect()).collect()
     }
 
-    /// What the images of a camera that have arrived so long before the catch tell of position and velocity
-    /// there, throw by throw.
+    /// Fisher information about position and velocity at the catch, throw by throw, in the images of a camera
+    /// that have arrived `before_s` before it.
     fn information(&self, camera: &CameraModel, sight: &[Vec<bool>], before_s: f64) -> Vec<Matrix6<f64>> {
         let arena = &self.setup.scenario.arena;
         let rate_hz = camera.rate_hz.filter(|_| arena.free_running_cameras).unwrap_or(arena.frame_rate_hz);
@@ -478,7 +479,7 @@ mod tests {
         assert_eq!(kept, all.into_iter().filter(|it| *it >= 0.8).collect::<Vec<_>>());
     }
 
-    /// As the commands in their files have it.
+    /// Checks that the near rigs are placed as the commands in their files state.
     #[test]
     fn the_near_rigs_are_placed() {
         let is_placed = |scenario: &str, throw: &str, rig: &str, volume_m: [[f64; 3]; 2]| {

@@ -47,7 +47,7 @@ pub struct BrainFactory(Arc<MakeBrain>);
 type MakeBrain = dyn Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync;
 
 impl BrainFactory {
-    /// By a function of setup, seed and number of the throw.
+    /// Creates a factory from a function of setup, seed and number of the throw.
     pub fn new(make: impl Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync + 'static) -> Self {
         Self(Arc::new(make))
     }
@@ -76,9 +76,9 @@ impl fmt::Debug for BrainFactory {
 pub struct Cell {
     /// All that its trials share.
     pub setup: Setup,
-    /// Whether every trial sees the same throw under the same conditions.
+    /// True if every trial has the same throw under the same conditions.
     pub throw_is_fixed: bool,
-    /// What catches.
+    /// Factory of the brain that catches.
     pub brain: BrainFactory,
 }
 
@@ -88,7 +88,7 @@ impl Cell {
         Self::with_brain(setup, BrainFactory::default())
     }
 
-    /// The same with any brain.
+    /// Creates a cell with any brain.
     pub fn with_brain(setup: Setup, brain: BrainFactory) -> Self {
         let throw_is_fixed = setup.repeats_itself();
         Self { setup, throw_is_fixed, brain }
@@ -103,8 +103,8 @@ pub fn row(setup: &Setup, seed: u64, index: u64, mut verdict: Verdict) -> Row {
     Row::new(setup, seed, index, verdict)
 }
 
-/// What is evaluated. Trials are numbered throw by throw: first the first throw in all cells, then the
-/// second.
+/// Evaluation: cells, seed and range of trials. Trials are numbered throw by throw: first the first throw in
+/// all cells, then the second.
 #[derive(Debug)]
 pub struct Evaluation {
     /// Objects with their throws.
@@ -117,7 +117,7 @@ pub struct Evaluation {
     pub trials: u64,
 }
 
-/// What makes an evaluation the same one: all that its rows depend on, but how many there are.
+/// Identity of an evaluation: all that its rows depend on, except their number.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
     /// Version of the program.
@@ -126,7 +126,7 @@ pub struct Identity {
     pub seed: u64,
     /// Number of the first throw.
     pub first: u64,
-    /// Whether every trial of a cell sees the same throw.
+    /// Flags of the cells in which every trial has the same throw.
     pub throws_are_fixed: Vec<bool>,
     /// The scenario of each cell, all choices made.
     pub cells: Vec<Scenario>,
@@ -152,7 +152,7 @@ impl Identity {
 }
 
 impl Evaluation {
-    /// What makes it the same one.
+    /// Returns the identity of the evaluation.
     pub fn identity(&self) -> Identity {
         Identity {
             version: VERSION.to_owned(),
@@ -168,7 +168,7 @@ impl Evaluation {
         self.cells.len() * self.trials as usize
     }
 
-    /// Whether there is nothing to do.
+    /// Returns whether there are no trials.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -178,7 +178,7 @@ impl Evaluation {
         (&self.cells[job % self.cells.len()], self.first + (job / self.cells.len()) as u64)
     }
 
-    /// Whether all trials from number `from` on can be thrown.
+    /// Checks that all trials from number `from` on can be thrown.
     fn check_throws(&self, from: usize) -> Result<(), InputError> {
         (from..self.len()).try_for_each(|job| {
             let (cell, index) = self.job(job);

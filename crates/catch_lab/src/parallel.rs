@@ -18,7 +18,7 @@ pub fn map<T: Send>(count: usize, job: impl Fn(usize) -> T + Sync) -> Vec<T> {
     map_on(threads(), count, job)
 }
 
-/// The same by so many threads, or as many as the system allows.
+/// Maps over this number of threads, or as many as the system allows.
 pub fn map_on<T: Send>(threads: usize, count: usize, job: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
     let done = Mutex::new(Vec::with_capacity(count));

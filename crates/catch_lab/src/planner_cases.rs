@@ -25,15 +25,15 @@ use catch_recording::{
     whole_file::COMMAND_LINE,
 };
 
-/// How far, in metres, grasp centre and object may be apart in a file.
+/// Largest distance between grasp centre and object in a file, in metres.
 const TOLERANCE_M: f64 = 1e-6;
-/// How far a rotation matrix in a file may be from orthonormal.
+/// Largest deviation of a rotation matrix in a file from an orthonormal one.
 const TOLERANCE_R: f64 = 1e-6;
 
 /// One catch to be planned.
 #[derive(Debug, Clone)]
 pub struct PlannerCase {
-    /// What its author calls it.
+    /// Name given by the author of the case.
     pub id: Value,
     /// Name or file of the arm; the caller's choice if none is named.
     pub robot: Option<String>,
@@ -41,13 +41,13 @@ pub struct PlannerCase {
     pub q_start: Vec<f64>,
     /// Joint velocities then; at rest if there are none.
     pub dq_start: Option<Vec<f64>>,
-    /// Where to be, and when.
+    /// Target pose and time.
     pub target: Target,
-    /// Where the object is then.
+    /// Position of the object at that time.
     pub p_WO: Point3<f64>,
     /// Distance of the grasp centre from the gripper's origin.
     pub grasp_centre_y_m: f64,
-    /// What errors call it.
+    /// Name of the case in error messages.
     path: String,
 }
 
@@ -106,7 +106,7 @@ fn case(whole: &Fields, own: &Fields) -> Result<PlannerCase, InputError> {
         "dq_start",
         "robot",
     ])?;
-    // What stands in the case goes before what stands in the file.
+    // Fields of the case go before those of the file.
     let either =
         |name: &'static str| own.get(name).map(|it| (own, it)).or_else(|| whole.get(name).map(|it| (whole, it)));
     let numbers = |name: &'static str| either(name).map(|(at, value)| at.numbers(name, value)).transpose();

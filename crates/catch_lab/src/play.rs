@@ -26,8 +26,8 @@ use crate::{
 };
 use catch_recording::brain::{BrainSettings, ChosenCycle};
 
-/// How long the arm may take to become ready again before it counts as stuck, in seconds of the cell's clock;
-/// the thrower's own pause does not count.
+/// Longest time until the arm is ready again before it counts as stuck, in seconds of the cell's clock; the
+/// thrower's own pause does not count.
 const STUCK_AFTER_S: f64 = 60.0;
 /// An object has been put down if it is no farther from where the hand opens than this, seen from above, in
 /// metres.
@@ -36,21 +36,21 @@ const PLACED_WITHIN_M: f64 = 0.4;
 /// One throw of many.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlayRow {
-    /// What became of it, as in a trial of its own.
+    /// Result, as in a trial of its own.
     #[serde(flatten)]
     pub row: Row,
-    /// When it was thrown, on the cell's clock.
+    /// Time of the throw on the cell's clock.
     pub thrown_s: f64,
     /// The object for which the brain took it; `None` if it took it for none.
     pub identified: Option<String>,
-    /// Whether the hand left the object where objects are put down; `None` if it was not caught.
+    /// Set if the hand left the object at the placing pose; `None` if the object was not caught.
     pub placed: Option<bool>,
     /// Cameras that the brain said were at fault.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faulty_cameras: Vec<FaultyCamera>,
 }
 
-/// Why a life ended before its last throw was judged and the arm was ready again.
+/// Reason why a life ended before its last throw was judged and the arm was ready again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EarlyEnd {
@@ -69,18 +69,18 @@ impl Display for EarlyEnd {
     }
 }
 
-/// What came of a life.
+/// Result of a life.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Life {
     /// The throws, in their order.
     pub rows: Vec<PlayRow>,
-    /// How long it lasted on the cell's clock, in seconds.
+    /// Duration on the cell's clock, in seconds.
     pub duration_s: f64,
     /// Limits that commands broke between the throws.
     pub violations_between: usize,
     /// Limits that the motion exceeded between the throws.
     pub excursions_between: usize,
-    /// Why it ended early, if it did.
+    /// Reason of an early end, if any.
     pub ended_early: Option<EarlyEnd>,
 }
 
@@ -89,7 +89,7 @@ pub struct Life {
 pub struct Play {
     /// One for each object; all else is the same.
     pub setups: Vec<Setup>,
-    /// How many throws.
+    /// Number of throws.
     pub throws: u64,
     /// Least interval between two of them, in seconds.
     pub every_s: f64,
@@ -98,13 +98,13 @@ pub struct Play {
 }
 
 impl Play {
-    /// Which object throw number `index` is of.
+    /// Returns the object of throw number `index`.
     pub fn object(&self, index: u64) -> usize {
         let count = self.setups.len();
         ((Draws::new(Stream::Object, self.seed, index).unit() * count as f64) as usize).min(count - 1)
     }
 
-    /// The same throw as a trial of its own, in another arena and by another brain.
+    /// Runs the same throw as a trial of its own, in another arena and by another brain.
     pub fn alone(&self, index: u64) -> Row {
         let setup = &self.setups[self.object(index)];
         let trial = trial::run_unobserved(&mut setup.brain(self.seed, index), setup, self.seed, index);
@@ -183,14 +183,14 @@ struct LivingCell {
     stopwatch: Stopwatch,
 }
 
-/// How a wait for the arm ended.
+/// Result of a wait for the arm.
 struct Ready {
-    /// Why the arm will not be.
+    /// Reason why the arm will not be ready, if any.
     ended_early: Option<EarlyEnd>,
     /// Limits broken by commands, and exceeded by the motion.
     violations: usize,
     excursions: usize,
-    /// Where the object was when the hand went back from it.
+    /// Position of the object when the hand retreated from it.
     left_W: Option<Vector3<f64>>,
 }
 
@@ -204,8 +204,8 @@ impl LivingCell {
         observation.time_s
     }
 
-    /// From the release to the end of the referee's test, with the clock set to zero at the release; and the
-    /// object for which the brain took what flew.
+    /// Runs from the release to the end of the referee's test, with the clock set to zero at the release.
+    /// Returns also the index of the object that the brain identified.
     fn trial(&mut self, setup: &Setup, released_s: f64) -> (Trial, Option<usize>) {
         let mut watch = EndWatch::of_release(&mut self.arena);
         let (mut snapshots, mut identified) = (Vec::new(), None);
@@ -223,7 +223,7 @@ impl LivingCell {
         }
     }
 
-    /// Until the arm waits again, and at least until `earliest_s`.
+    /// Runs until the arm waits again, and at least until `earliest_s`.
     fn until_ready(&mut self, setup: &Setup, earliest_s: f64) -> Ready {
         let mut ready = Ready { ended_early: None, violations: 0, excursions: 0, left_W: None };
         // Since when the arm has not been waiting.
@@ -256,7 +256,7 @@ impl LivingCell {
     }
 }
 
-/// What a brain tells, with the clock set to zero at `zero_s`.
+/// Shifts a brain's report so that the clock is zero at `zero_s`.
 fn since(report: &Report, zero_s: f64) -> Report {
     let mut report = report.clone();
     if let Some(pose) = &mut report.pose {
@@ -276,7 +276,7 @@ fn since(report: &Report, zero_s: f64) -> Report {
     report
 }
 
-/// What happened, with the clock set to zero at `zero_s`; whole steps stay whole.
+/// Shifts the truth so that the clock is zero at `zero_s`; whole steps stay whole.
 fn truth_since(mut truth: Truth, zero_s: f64, step_s: f64) -> Truth {
     let shifted = |time_s: f64| ((time_s - zero_s) / step_s).round() * step_s;
     for sample in &mut truth.samples {

@@ -20,7 +20,7 @@ pub fn gray16(width: u32, height: u32, values: &[u16]) -> Vec<u8> {
 /// The values of an image of `width` times `height`, row by row; `file` names it in errors.
 ///
 /// # Errors
-/// What is no such image: another size, colours, other bits per value, interlaced, broken.
+/// Any other image: another size, colours, other bits per value, interlaced, broken.
 pub fn gray16_values(file: &str, bytes: &[u8], [width, height]: [u32; 2]) -> Result<Vec<u16>, InputError> {
     let fault = |field: &str, found: String, expected: &str| InputError::new(file, field, found, expected);
     let broken = |it: png::DecodingError| fault("image", it.to_string(), "a whole PNG file: save it anew");

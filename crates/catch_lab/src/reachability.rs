@@ -1,4 +1,4 @@
-//! What an arm can reach in time: of the throws that were missed, of all throws, and from which waiting pose.
+//! Reachability of throws in time: oracle of missed throws, and choice of the ready pose.
 
 pub mod oracle;
 pub mod ready;

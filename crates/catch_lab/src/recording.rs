@@ -37,7 +37,7 @@ pub type LabReader = RecordingReader<Simulation, GroundTruth>;
 /// A throw in the arena.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Simulation {
-    /// Which throw.
+    /// Scene of the throw.
     pub scene: Scene,
     /// The scenario, all choices made.
     pub scenario: Scenario,
@@ -48,7 +48,7 @@ impl Channel for Simulation {}
 /// The true motion and what the referee made of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GroundTruth {
-    /// What really happened.
+    /// True states of the throw.
     pub truth: Truth,
     /// The outcome.
     pub verdict: Verdict,
@@ -57,13 +57,13 @@ pub struct GroundTruth {
     /// The object's true centre of mass in the brain's O.
     #[serde(default = "Point3::origin")]
     pub com_O: Point3<f64>,
-    /// Where that would have been at the last planned catch if nothing had touched it.
+    /// Position of that point at the last planned catch if nothing had touched the object.
     #[serde(default)]
     pub undisturbed_m: Option<Point3<f64>>,
 }
 
 impl Channel for GroundTruth {
-    /// Whether the true states follow each other.
+    /// Checks that the true states follow each other in time.
     fn check(&self, file: &str) -> Result<(), InputError> {
         let mut last_s: Option<f64> = None;
         for (i, sample) in self.truth.samples.iter().enumerate() {
@@ -78,7 +78,7 @@ impl Channel for GroundTruth {
     }
 }
 
-/// What the brain of throw number `index` of `seed` is made from.
+/// Returns the cell that the brain of throw number `index` of `seed` is made from.
 pub fn cell(setup: &Setup, seed: u64, index: u64) -> RecordedCell {
     RecordedCell {
         brain: setup.brain_config(seed, index),

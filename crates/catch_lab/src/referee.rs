@@ -26,45 +26,45 @@ use reason::Reason;
 use samples::{is_squeezed, relative_velocity, sample_before};
 pub use samples::{sample_at, undisturbed_position};
 
-/// From the first contact on: when the object has to be held, and until when.
+/// Start of the test in which the object has to be held, in seconds after the first contact.
 const HELD_FROM_S: f64 = 0.5;
-/// The end of the test.
+/// End of the test, in seconds after the first contact.
 pub(crate) const HELD_UNTIL_S: f64 = 1.5;
-/// How fast a held object may move relative to the gripper.
+/// Largest speed of a held object relative to the gripper.
 const HELD_SPEED_MPS: f64 = 0.02;
-/// The same while the world shakes.
+/// Largest speed of a held object relative to the gripper during the disturbance test.
 const DISTURBANCE_SPEED_MPS: f64 = 0.05;
-/// How fast a joint of an arm at rest may still move.
+/// Largest speed of a joint of an arm at rest.
 const AT_REST_RADPS: f64 = 0.02;
-/// Over how long that speed is taken.
+/// Duration over which the speed in the hand is averaged, in seconds.
 const SPEED_OVER_S: f64 = 0.01;
-/// How far from the planned catch the instant is looked for at which the object is nearest the grasp centre.
+/// Largest time from the planned catch to the instant at which the object is nearest the grasp centre.
 const NEAREST_WITHIN_S: f64 = 0.04;
 
 /// The outcome of a trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
-    /// Whether the object was caught and held: no command broke a limit; from 0.5 s after the first contact
-    /// until 1.5 s after it a gripper that was commanded to close squeezed the object, which lay still in it,
-    /// the arm at rest, also while the world shook both; nothing else touched it. What the impact does to the
-    /// arm's motion decides nothing and is told apart.
+    /// True if the object was caught and held: no command broke a limit; from 0.5 s to 1.5 s after the first
+    /// contact, a gripper that was commanded to close squeezed the object, which lay still in it, with the
+    /// arm at rest, also during the disturbance test; nothing else touched the object. The effect of the
+    /// impact on the arm's motion decides nothing and is reported apart.
     pub caught: bool,
-    /// Whether the paper would call it caught: at 0.875 s the object is less than 2.5 cm from the gripper
+    /// True if the paper counts it as caught: at 0.875 s the object is less than 2.5 cm from the gripper
     /// along its z axis.
     pub caught_paper: bool,
-    /// Whether the authors' code would: less than 5 cm.
+    /// True if the authors' code counts it as caught: less than 5 cm.
     #[serde(default)]
     pub caught_paper_code: bool,
-    /// Whether it is squeezed 0.4 s after that, at 1.275 s.
+    /// True if the object is squeezed at 1.275 s, 0.4 s after the instant of the paper's measure.
     #[serde(default)]
     pub held_later: bool,
-    /// Whether it was caught and held but for broken limits of the arm.
+    /// True if the object was caught and held, with broken limits of the arm ignored.
     #[serde(default)]
     pub caught_beyond_limits: bool,
-    /// Why not, for every trial in which the object was not caught.
+    /// Reason of the miss, for every trial in which the object was not caught.
     pub reason: Option<Reason>,
-    /// What an oracle would have reached, for trials in which the object was not caught; `None` also where it
-    /// cannot tell.
+    /// Result of the oracle, for trials in which the object was not caught; `None` also where the oracle has
+    /// none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reach: Option<Reach>,
     /// Number of limits of the arm that commands broke; a throw is caught only if there is none.
@@ -75,18 +75,18 @@ pub struct Verdict {
     /// decide nothing.
     #[serde(default)]
     pub motion_excursions: usize,
-    /// When the brain last meant to catch, if it had a plan.
+    /// Last planned time of the catch, if the brain had a plan.
     pub catch_time_s: Option<f64>,
-    /// When the gripper first touched the object.
+    /// Time of the first contact of the gripper with the object.
     pub contact_s: Option<f64>,
-    /// What was measured besides.
+    /// Further measures.
     #[serde(flatten)]
     pub measures: Measures,
 }
 
 impl Verdict {
-    /// Whether the arm could not have caught the object, even had it known the flight from the first image
-    /// on.
+    /// Returns whether the arm could not have caught the object, even with the flight given from the first
+    /// image on.
     pub fn is_out_of_reach(&self) -> bool {
         self.reach.is_some_and(|reach| reach.from_first_image_s.is_none())
     }
@@ -117,7 +117,7 @@ pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
     }
 }
 
-/// When the gripper first touched the object.
+/// Finds the time of the first contact of the gripper with the object.
 fn first_contact_s(truth: &Truth) -> Option<f64> {
     truth.samples.iter().find(|sample| sample.contact.gripper()).map(|sample| sample.time_s)
 }
@@ -125,13 +125,13 @@ fn first_contact_s(truth: &Truth) -> Option<f64> {
 /// The result of one trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// Which throw.
+    /// Scene of the trial.
     #[serde(flatten)]
     pub scene: Scene,
-    /// Its outcome.
+    /// Outcome of the trial.
     #[serde(flatten)]
     pub verdict: Verdict,
-    /// What was drawn for the object and its flight; tables of older versions do not say.
+    /// Conditions drawn for the object and its flight; tables of older versions do not have them.
     #[serde(default)]
     pub conditions: Option<FlightConditions>,
 }
@@ -149,7 +149,7 @@ pub fn true_com_O(setup: &Setup) -> Point3<f64> {
     setup.known().reference().X_RO.inverse_transform_point(&Point3::origin())
 }
 
-/// What the referee looks at.
+/// Data that the referee judges.
 pub(crate) struct Evidence<'a> {
     pub truth: &'a Truth,
     pub snapshots: &'a [StateSnapshot],
@@ -157,11 +157,11 @@ pub(crate) struct Evidence<'a> {
     pub contact_s: Option<f64>,
     /// The last state snapshot before the catch, or before the end.
     pub last: Option<&'a Report>,
-    /// When the brain last meant to catch.
+    /// Last planned time of the catch.
     pub catch_s: Option<f64>,
     /// The state at the planned catch, or at the end of the trial if that came first.
     pub at_catch: Option<&'a TruthSample>,
-    /// Where the object's O would have been at the planned catch if nothing had touched it.
+    /// Position of the object's O at the planned catch if nothing had touched the object.
     pub undisturbed_O: Option<Point3<f64>>,
     /// The object, where it is known.
     known: Option<Known<'a>>,
@@ -170,7 +170,7 @@ pub(crate) struct Evidence<'a> {
 /// The object of a setup.
 struct Known<'a> {
     object: &'a ThrownObject,
-    /// As [`true_com_O`] has it.
+    /// Centre of mass as [`true_com_O`] has it.
     com_O: Point3<f64>,
     symmetry: Symmetry,
 }
@@ -201,12 +201,12 @@ impl<'a> Evidence<'a> {
         }
     }
 
-    /// How far off the last prediction before the catch was.
+    /// Returns the error of the last prediction before the catch.
     pub fn prediction_error_m(&self) -> Option<f64> {
         self.error_of(self.last?)
     }
 
-    /// How far off the newest prediction was that the brain had some time before the catch.
+    /// Returns the error of the newest prediction that the brain had `lead_s` before the catch.
     fn earlier_prediction_error_m(&self, lead_s: f64) -> Option<f64> {
         let by_s = self.catch_s? - lead_s + 1e-9;
         self.error_of(self.snapshots.iter().rfind(|snapshot| snapshot.time_s <= by_s)?.report.as_ref()?)
@@ -218,7 +218,7 @@ impl<'a> Evidence<'a> {
         Some((predicted - self.undisturbed_O?).norm())
     }
 
-    /// How far off the newest pose was when it was taken.
+    /// Returns the error of the newest pose at the time of its image.
     pub fn pose_error_m(&self) -> Option<f64> {
         let (pose, sample) = self.snapshots.iter().rev().find_map(|snapshot| {
             let pose = snapshot.report.as_ref()?.pose.as_ref()?;
@@ -228,7 +228,7 @@ impl<'a> Evidence<'a> {
         Some(((pose.X_WO * self.known.as_ref()?.com_O).coords - sample.X_WO.translation.vector).norm())
     }
 
-    /// When anything first touched the object.
+    /// Finds the time of the object's first contact with anything.
     pub fn first_contact_s(&self) -> Option<f64> {
         self.truth.samples.iter().find(|sample| sample.contact.any()).map(|sample| sample.time_s)
     }
@@ -238,14 +238,13 @@ impl<'a> Evidence<'a> {
         self.last?.plan.as_ref()
     }
 
-    /// How far the undisturbed object would have been from where the plan wants it in the gripper at the
-    /// catch.
+    /// Distance of the undisturbed object at the catch from its planned position in the gripper.
     pub fn grasp_offset_m(&self) -> Option<f64> {
         let p_GO = self.at_catch?.X_WG.inverse_transform_point(&self.undisturbed_O?);
         Some((p_GO - self.plan()?.grasp.X_OG.inverse_transform_point(&self.known.as_ref()?.com_O)).norm())
     }
 
-    /// How far the object would have been turned from `R_WO` at the planned catch if nothing had touched it.
+    /// Rotation of the object from `R_WO` at the planned catch if nothing had touched it.
     fn turn_from(&self, R_WO: &UnitQuaternion<f64>) -> Option<f64> {
         let sample = self.before_contact()?;
         let known = self.known.as_ref()?;
@@ -270,8 +269,8 @@ impl<'a> Evidence<'a> {
         Some(f64::midpoint(left_s, right_s) - nearest_s)
     }
 
-    /// How far past its planned place in the gripper the object was when it first touched something, along
-    /// its way.
+    /// Distance of the object past its planned position in the gripper at its first contact, along its
+    /// direction of motion.
     pub fn progress_m(&self) -> Option<f64> {
         let sample = self.before_contact()?;
         let planned_GO = self.plan()?.grasp.X_OG.inverse().translation.vector;
@@ -341,7 +340,8 @@ impl<'a> Evidence<'a> {
         }
     }
 
-    /// When the object was first not held during the test; `None` if it was held to the end.
+    /// Finds the first time during the test at which the object was not held; `None` if it was held to the
+    /// end.
     pub fn first_not_held_s(&self) -> Option<f64> {
         let contact_s = self.contact_s?;
         let (from, until) = (contact_s + HELD_FROM_S, contact_s + HELD_UNTIL_S);
@@ -357,7 +357,8 @@ impl<'a> Evidence<'a> {
         lost.map(|pair| pair[1].time_s).or_else(|| (end_s < until - 1e-6).then_some(end_s))
     }
 
-    /// Whether the arm moved while the object should have been held at rest, before the world shook.
+    /// Returns whether the arm moved while the object should have been held at rest, before the disturbance
+    /// test.
     pub fn moved_on(&self) -> bool {
         let Some(contact_s) = self.contact_s else { return false };
         let until_s = self.truth.disturbed_since_s.unwrap_or(f64::INFINITY).min(contact_s + HELD_UNTIL_S);
@@ -365,9 +366,9 @@ impl<'a> Evidence<'a> {
         held.any(|sample| sample.dq.amax() > AT_REST_RADPS)
     }
 
-    /// How fast the object moves in the gripper: its way over the last 10 ms. The speed of a single step
-    /// would not do: when the physics changes the points at which two faces touch, a held object jerks by
-    /// hundredths of a millimetre within one.
+    /// Speed of the object relative to the gripper, over the last 10 ms. The speed of a single step would not
+    /// do: when the physics changes the points at which two faces touch, a held object jerks by hundredths of
+    /// a millimetre within one.
     fn speed_in_hand_mps(&self, now: &TruthSample) -> f64 {
         let Some(before) = sample_at(self.truth, now.time_s - SPEED_OVER_S) else { return f64::INFINITY };
         let p_GO = |sample: &TruthSample| sample.X_WG.inverse_transform_point(&sample.X_WO.translation.vector.into());

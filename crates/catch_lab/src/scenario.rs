@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::assets::{Asset, Kind, nearest};
 use catch_recording::{brain::BrainSettings, whole_file::COMMAND_LINE};
 
-/// What it costs to compute a command.
+/// Time that the computation of a command costs.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Clock {
@@ -28,7 +28,8 @@ pub enum Clock {
 }
 
 impl Clock {
-    /// When a command arrives after the observation that it answers, in seconds; computing took `measured_s`.
+    /// Delay from an observation to the arrival of the command that answers it, in seconds; computing took
+    /// `measured_s`.
     pub fn delay_s(self, measured_s: f64) -> f64 {
         match self {
             Self::Free => 0.0,
@@ -45,18 +46,18 @@ impl Clock {
 pub struct Scenario {
     /// Name. Results call a scenario by its file's name, and by what is different from the file.
     pub name: String,
-    /// What it is, in a sentence.
+    /// Description of the scenario, in a sentence.
     pub description: String,
     /// The arm: a built-in robot, or the path of a `robot.toml` with a `robot.urdf` beside it.
     pub robot: String,
     /// The gripper on it.
     pub gripper: String,
-    /// What stands around the arm, a built-in workcell or a file; nothing but the floor if left out.
+    /// Surroundings of the arm, a built-in workcell or a file; nothing but the floor if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub workcell: Option<String>,
-    /// What is thrown unless somebody asks for something else.
+    /// Object that is thrown by default.
     pub object: String,
-    /// How it is thrown unless somebody asks for something else.
+    /// Throw that is used by default.
     pub throw: String,
     /// Joint positions in radians where the arm waits; the robot's own ready pose if left out.
     #[serde(default, deserialize_with = "quantity::angle_rad")]
@@ -76,12 +77,12 @@ pub struct Scenario {
     pub flight_rig: String,
     /// The cameras that scan the object beforehand, around the object's frame.
     pub reference_rig: String,
-    /// How long commands take to compute: `"free"`, `{ fixed_ms = 10 }` or `"charged"`. The brain is told
-    /// what to expect in its own table, `[brain.control]`, as `expected_latency_s`.
+    /// Time that commands take to compute: `"free"`, `{ fixed_ms = 10 }` or `"charged"`. The delay that the
+    /// brain expects is a setting of its own, `expected_latency_s` in `[brain.control]`.
     #[serde(default)]
     pub clock: Clock,
-    /// How the cameras are calibrated before anything is thrown. Without it the brain believes what the rig's
-    /// file says.
+    /// Calibration of the cameras before the first throw. Without it the brain uses the poses in the rig's
+    /// file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<CalibrationSettings>,
     /// The physics, the sensors and the drives.
@@ -101,7 +102,7 @@ pub struct CalibrationSettings {
     /// Standard deviation of what is believed before, along each axis of a camera, in metres.
     #[serde(deserialize_with = "quantity::error_m")]
     pub position_sd_m: f64,
-    /// And of its rotation about each axis, in degrees.
+    /// Standard deviation of the rotation believed before, about each axis of a camera, in degrees.
     #[serde(deserialize_with = "quantity::error_deg")]
     pub rotation_sd_deg: f64,
     /// Poses of the arm, at most.
@@ -125,10 +126,10 @@ impl Scenario {
         faults.into_iter().next().map_or(Ok(scenario), Err)
     }
 
-    /// The same with every value that cannot be used, instead of the first.
+    /// Reads a scenario, and lists every value that cannot be used instead of the first.
     ///
     /// # Errors
-    /// What is no value out of its range.
+    /// Faults other than values out of their ranges.
     pub fn with_faults(asset: &Asset) -> Result<(Self, Vec<InputError>), InputError> {
         let mut table = inheritance::extended(asset)?;
         depth_errors::fill_in(&mut table, &asset.file)?;
@@ -158,7 +159,8 @@ impl Scenario {
         faults
     }
 
-    /// This scenario with single fields changed: `arena.restitution_scale=0.5`. Its name tells.
+    /// Returns this scenario with single fields changed: `arena.restitution_scale=0.5`. Its name lists the
+    /// changes.
     ///
     /// # Errors
     /// A setting that is no `FIELD=VALUE`, a field that there is not, or a value that it cannot have.
@@ -168,7 +170,7 @@ impl Scenario {
             let example = || fault("FIELD=VALUE, such as arena.restitution_scale=0.5".to_owned());
             let whole = |path: &str| path.split('.').all(|field| !field.trim().is_empty());
             let (path, text) = setting.split_once('=').filter(|(path, _)| whole(path)).ok_or_else(example)?;
-            // What is no TOML is meant as text.
+            // A value that is no TOML is meant as text.
             let value = toml::from_str::<toml::Table>(&format!("value = {text}")).ok();
             let value = value.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.trim().into());
             self = self.with_field(path, Some(value), &fault)?;
@@ -177,8 +179,8 @@ impl Scenario {
         self.faults(COMMAND_LINE).into_iter().next().map_or(Ok(self), Err)
     }
 
-    /// This scenario with one field changed, or left out where there is no value; whether it fits the others
-    /// is not checked. `fault` makes an error of what would be right.
+    /// Returns this scenario with one field changed, or left out where there is no value; consistency with
+    /// the other fields is not checked. `fault` makes an error of what would be right.
     ///
     /// # Errors
     /// A field that there is not, or a value that it cannot have.
@@ -218,7 +220,7 @@ impl Scenario {
         Ok(value)
     }
 
-    /// Whether the brain expects fingers that are no faster than those of a gripper with limits.
+    /// Checks that the brain expects fingers that are no faster than those of a gripper with limits.
     ///
     /// # Errors
     /// If it does not: every catch would come too late.
@@ -278,7 +280,7 @@ fn parent<'a, 'b>(
     Ok((table, field.trim()))
 }
 
-/// What to add to an error about a path where another one is probably meant.
+/// Addition to an error about a path, where another one is probably meant.
 fn hint(path: &str, tree: &toml::Table) -> String {
     field_meant(path.trim(), tree).map(|it| format!(" (did you mean `{it}`?)")).unwrap_or_default()
 }

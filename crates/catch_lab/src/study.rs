@@ -27,24 +27,24 @@ use throw_grid::ThrowGrid;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StudyFile {
-    /// What it is, in a sentence.
+    /// Description of the study, in a sentence.
     pub description: String,
     /// The scenario that the overlays are laid over: a built-in name, or a path relative to this file.
     pub scenario: String,
     /// The scenario from which overlays take fields.
     #[serde(default)]
     pub towards: Option<String>,
-    /// What is thrown; every built-in object if left out.
+    /// Objects that are thrown; every built-in object if left out.
     #[serde(default)]
     pub objects: Vec<String>,
-    /// How it is thrown; as the scenario says if left out. The trials of an object are shared among the
+    /// Throws that are used; those of the scenario if left out. The trials of an object are divided among the
     /// throws.
     #[serde(default)]
     pub throws: Vec<String>,
     /// Throws from a grid of places and speeds, made after the throw.
     #[serde(default)]
     pub throw_grid: Option<ThrowGrid>,
-    /// How overlays become steps.
+    /// Rule by which overlays become steps.
     #[serde(default)]
     pub combine: Combine,
     /// The overlays.
@@ -52,7 +52,7 @@ pub struct StudyFile {
     pub overlays: Vec<Overlay>,
 }
 
-/// How overlays become steps.
+/// Rule by which overlays become steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Combine {
@@ -65,13 +65,13 @@ pub enum Combine {
     CumulativeThenEach,
 }
 
-/// What one variant changes.
+/// Changes of one variant to the scenario.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Overlay {
     /// Name: letters, digits, `_` and `-`.
     pub name: String,
-    /// What it changes, in words.
+    /// Description of the change, in words.
     #[serde(default)]
     pub about: String,
     /// Other throws, from here on where overlays are laid upon each other.
@@ -83,7 +83,7 @@ pub struct Overlay {
     /// Path of a field → its new value.
     #[serde(default)]
     pub set: toml::Table,
-    /// The same, only where the overlay stands alone.
+    /// Path of a field → its new value, only where the overlay stands alone.
     #[serde(default)]
     pub set_alone: toml::Table,
 }
@@ -99,13 +99,13 @@ impl Overlay {
 pub struct Study {
     /// Name: that of its file.
     pub name: String,
-    /// What its file says.
+    /// Content of the study's file.
     pub file: StudyFile,
-    /// Its steps in their order.
+    /// Steps of the study in their order.
     pub steps: Vec<Step>,
-    /// What errors call its file.
+    /// Name of the study's file in error messages.
     path: String,
-    /// Where the files that its scenario names are looked for.
+    /// Origin of the files that its scenario names.
     origin: Origin,
 }
 
@@ -152,7 +152,7 @@ impl Study {
         Ok(Self { name: asset.name, path: asset.file, file, steps, origin })
     }
 
-    /// What is thrown in it.
+    /// Returns the objects that are thrown in the study.
     pub fn objects(&self) -> Vec<String> {
         match &self.file.objects[..] {
             [] => Kind::Object.names().into_iter().map(str::to_owned).collect(),
@@ -160,7 +160,7 @@ impl Study {
         }
     }
 
-    /// What its report needs of it.
+    /// Returns the data of the study that its report needs.
     pub fn outline(&self, seed: u64) -> Outline {
         Outline {
             version: crate::VERSION.to_owned(),
@@ -200,7 +200,7 @@ impl Study {
     }
 }
 
-/// What a study calls by this name: something built in, or a file beside it.
+/// Finds the asset that a study calls by this name: something built in, or a file beside it.
 fn beside(origin: &Origin, kind: Kind, name: &str) -> String {
     match origin {
         Origin::Disk(folder) if !kind.names().contains(&name) => folder.join(name).display().to_string(),
@@ -249,7 +249,7 @@ fn named(scenario: Scenario, step: &str, towards: Option<&Scenario>) -> Scenario
     if there == *towards { there } else { Scenario { name: step.to_owned(), ..scenario } }
 }
 
-/// What can be wrong with a study besides its overlays.
+/// Checks a study without its overlays.
 fn check(file: &str, study: &StudyFile) -> Result<(), InputError> {
     let fault = |field: &str, found: String, expected: &str| Err(InputError::new(file, field, found, expected));
     if study.overlays.is_empty() {
@@ -333,8 +333,7 @@ mod tests {
         assert_eq!(cells[0].setup.scenario, honest.unwrap().scenario);
     }
 
-    /// What is left when every assumption of the published code is taken away is the paper's method under the
-    /// arm's limits.
+    /// Without any assumption of the published code, the paper's method under the arm's limits is left.
     #[test]
     fn the_published_system_ends_at_its_method_in_the_scenario_of_the_paper() {
         let study = load("as-published");

@@ -30,13 +30,13 @@ const HASH_FIELD: &str = "content_sha256";
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SuiteFile {
-    /// What it is, in a sentence.
+    /// Description of the suite, in a sentence.
     pub description: String,
     /// Seed of everything random.
     pub seed: u64,
     /// SHA-256 of all that its throws depend on.
     pub content_sha256: String,
-    /// Its parts.
+    /// Parts of the suite.
     #[serde(rename = "part")]
     pub parts: Vec<SuitePart>,
 }
@@ -47,15 +47,15 @@ pub struct SuiteFile {
 pub struct SuitePart {
     /// The scenario: a file beside the suite's, without its ending.
     pub scenario: String,
-    /// What is thrown.
+    /// Objects that are thrown.
     pub objects: Vec<String>,
-    /// How it is thrown.
+    /// Throws that are used.
     pub throws: Vec<String>,
     /// Throws of each object in each way.
     pub trials: u64,
 }
 
-/// Who catches.
+/// Method or brain that catches.
 #[derive(Debug, Clone)]
 pub enum Catcher {
     /// A built-in method.
@@ -90,9 +90,9 @@ impl ObservedBrain for Idle {
 /// A suite whose content is what it was when it was frozen.
 #[derive(Debug)]
 pub struct Suite {
-    /// Its name.
+    /// Name of the suite.
     pub name: String,
-    /// What its file says.
+    /// Content of the suite's file.
     pub file: SuiteFile,
 }
 
@@ -126,13 +126,13 @@ impl Suite {
         Err(InputError::new(&path, HASH_FIELD, format!("files and throws with the hash `{hash}`"), expected))
     }
 
-    /// What somebody asks for who wants a condition of a part, by the name that [`Setup::load`] knows.
+    /// Returns the scenario's name for a condition of a part, as [`Setup::load`] reads it.
     fn scenario_of(&self, part: &SuitePart) -> String {
         format!("{}/{}", self.name, part.scenario)
     }
 
-    /// Its conditions in their order: scenario, object, throw and number of throws, as [`Setup::load`] takes
-    /// them.
+    /// Returns the conditions in their order: scenario, object, throw and number of throws, as
+    /// [`Setup::load`] takes them.
     pub fn conditions(&self) -> Vec<(String, &str, &str, u64)> {
         let mut conditions = Vec::new();
         for part in &self.file.parts {
@@ -246,7 +246,8 @@ fn text_of(path: &str) -> String {
     found.map(|(_, content)| String::from_utf8_lossy(content).into_owned()).unwrap_or_default()
 }
 
-/// How an object is released, to a micrometre, a microradian and so on: what other machines round alike.
+/// Formats an object's release to a micrometre, a microradian and so on, so that other machines round it
+/// alike.
 fn release(setup: &Setup, seed: u64, index: u64) -> String {
     let release = setup.release(seed, index);
     let parts = [
@@ -264,7 +265,7 @@ fn release(setup: &Setup, seed: u64, index: u64) -> String {
 mod tests {
     use super::*;
 
-    /// What has changed is another suite: it gets another name, or the change goes.
+    /// A suite whose content has changed is another suite: it gets another name, or the change goes.
     #[test]
     fn suites_are_as_they_were_frozen() {
         assert!(!Suite::names().is_empty());

@@ -19,23 +19,24 @@ use crate::{
 };
 use catch_recording::{Tick, brain::ObservedBrain};
 
-/// From the first contact with the gripper on: how long until the world shakes.
+/// Time from the first contact with the gripper to the disturbance test, in seconds.
 const DISTURBANCE_AFTER_S: f64 = 1.0;
-/// How long it shakes; then the trial ends.
+/// Duration of the disturbance test, in seconds; then the trial ends.
 const DISTURBANCE_FOR_S: f64 = 0.5;
-/// When the paper looks where the object is: no trial ends before.
+/// Time at which the paper measures the object's position, in seconds: no trial ends before.
 pub const PAPER_LOOKS_AT_S: f64 = 0.875;
-/// How long a trial goes on after the object has met the floor.
+/// Duration of a trial after the object has met the floor, in seconds.
 const AFTER_FLOOR_S: f64 = 0.2;
-/// The same after it has met the arm or an obstacle, by way of which nothing is caught.
+/// Duration of a trial after the object has met the arm or an obstacle, in seconds: nothing is caught after
+/// such a deflection.
 const AFTER_DEFLECTION_S: f64 = 1.0;
 
 /// State snapshot of the brain at one time.
 #[derive(Debug, Clone)]
 pub struct StateSnapshot {
-    /// When, on the cell's clock.
+    /// Time on the cell's clock.
     pub time_s: f64,
-    /// What, if it tells.
+    /// State and plan of the brain, if it reports them.
     pub report: Option<Report>,
     /// Wall time of each stage that ran, in milliseconds.
     pub stage_ms: Vec<(&'static str, f64)>,
@@ -44,7 +45,7 @@ pub struct StateSnapshot {
 /// All that happened in a trial.
 #[derive(Debug, Clone)]
 pub struct Trial {
-    /// What really happened.
+    /// True states of the throw.
     pub truth: Truth,
     /// State snapshots of the brain, one for each tick.
     pub snapshots: Vec<StateSnapshot>,
@@ -57,7 +58,7 @@ pub struct Trial {
 /// then; it ends the trial by an error.
 ///
 /// # Errors
-/// Those of the observer.
+/// Errors of the observer.
 pub fn run(
     setup: &Setup,
     seed: u64,
@@ -67,10 +68,10 @@ pub fn run(
     run_brain(&mut setup.brain(seed, index), setup, seed, index, observer)
 }
 
-/// The same with any brain that has seen nothing yet.
+/// Runs a trial with any brain that has seen nothing yet.
 ///
 /// # Errors
-/// Those of the observer.
+/// Errors of the observer.
 pub fn run_brain<E>(
     brain: &mut dyn ObservedBrain,
     setup: &Setup,
@@ -94,7 +95,7 @@ pub fn run_brain<E>(
     Ok(episode.into_trial(stopwatch))
 }
 
-/// The same with nobody watching.
+/// Runs a trial with any brain, without an observer.
 pub fn run_unobserved(brain: &mut dyn ObservedBrain, setup: &Setup, seed: u64, index: u64) -> Trial {
     let Ok(trial) = run_brain::<Infallible>(brain, setup, seed, index, &mut |_, _| Ok(()));
     trial
@@ -132,12 +133,12 @@ impl Episode {
         self.is_done = self.watch.is_over(self.arena.truth());
     }
 
-    /// Whether the trial is over.
+    /// Returns whether the trial is over.
     pub fn is_done(&self) -> bool {
         self.is_done
     }
 
-    /// What really happened so far. No brain may see it.
+    /// Returns the true states so far. No brain may see it.
     pub fn truth(&self) -> &Truth {
         self.arena.truth()
     }
@@ -160,13 +161,13 @@ pub struct EndWatch {
 }
 
 impl EndWatch {
-    /// For the object that is being released in an arena, which is told when to shake it.
+    /// Creates the watch for the object that is being released, and schedules the arena's disturbance test.
     pub fn of_release(arena: &mut Arena) -> Self {
         arena.disturb_after_contact(DISTURBANCE_AFTER_S);
         Self { released_s: arena.time_s(), samples_seen: 0, gripper_s: None, floor_s: None, deflected_s: None }
     }
 
-    /// Whether the trial is over.
+    /// Returns whether the trial is over.
     pub fn is_over(&mut self, truth: &Truth) -> bool {
         for TruthSample { time_s, contact, .. } in &truth.samples[self.samples_seen..] {
             for (touches, first_s) in [

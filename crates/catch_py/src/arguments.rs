@@ -44,7 +44,7 @@ impl<'py> FromPyObject<'_, 'py> for Named {
 }
 
 impl Named {
-    /// As text.
+    /// Returns the argument as text.
     pub fn text(self, py: Python<'_>, argument: &str) -> PyResult<String> {
         let value = self.0.bind(py);
         let text = py.import("os")?.call_method1("fspath", (value,)).ok().and_then(|it| it.extract().ok());
@@ -91,7 +91,7 @@ pub fn input_fault(fault: InputError) -> PyErr {
         Some(argument) if !argument.starts_with("set") => {
             format!("{argument}: found {}, expected {}", it.found, it.expected)
         }
-        // Of the command line's `--set` and of a scenario's fields that it sets.
+        // Faults of the command line's `--set` and of a scenario's fields that it sets.
         _ => format!("settings: {}: found {}, expected {}", it.field, it.found, it.expected),
     };
     let text = fault.all().into_iter().map(line).collect::<Vec<_>>().join("\n");
@@ -100,7 +100,7 @@ pub fn input_fault(fault: InputError) -> PyErr {
 
 /// A whole number that is checked once the name of its argument is known.
 pub enum Whole {
-    /// As the caller gave it.
+    /// A value as the caller gave it.
     Given(Py<PyAny>),
     /// The default.
     Default(u64),
@@ -115,7 +115,7 @@ impl<'py> FromPyObject<'_, 'py> for Whole {
 }
 
 impl Whole {
-    /// Its value, from `least` to `most`.
+    /// Returns the value, from `least` to `most`.
     pub fn checked(self, py: Python<'_>, argument: &str, least: u64, most: u64) -> PyResult<u64> {
         let value = match self {
             Self::Default(value) => return Ok(value),
@@ -160,7 +160,7 @@ impl Numbers {
         Err(fault(argument, format!("shape ({found})"), format!("shape {}", shape(axes))))
     }
 
-    /// The same for every shape.
+    /// Reads an array of any shape.
     pub fn of_any_shape(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         let py = value.py();
         let expected = "an array of real numbers";
@@ -216,7 +216,7 @@ pub fn settings(settings: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<String>> {
             let is_letter = |it: char| it.is_ascii_alphanumeric() || it == '_';
             text.starts_with(|it: char| it.is_ascii_alphabetic()) && text.chars().all(is_letter)
         };
-        // What is no TOML is meant as text; names of results stay those of the command line.
+        // A value that is no TOML is meant as text; names of results stay those of the command line.
         let text = match value {
             toml::Value::String(text) if is_word(&text) && !["true", "false", "inf", "nan"].contains(&&*text) => text,
             value => value.to_string(),

@@ -48,7 +48,7 @@ pub struct Brain {
     origin: Origin,
 }
 
-/// What it was made from.
+/// Origin of the brain.
 enum Origin {
     /// A scenario, for throw number `.2` of seed `.1`.
     Setup(Arc<Setup>, u64, u64),
@@ -57,14 +57,14 @@ enum Origin {
 }
 
 impl Brain {
-    /// That of a scenario.
+    /// Creates the brain of a scenario.
     pub fn of_setup(setup: &Arc<Setup>, seed: u64, index: u64) -> Self {
         let brain = Mutex::new((Box::new(setup.brain(seed, index)), Stopwatch::default()));
         let origin = Origin::Setup(setup.clone(), seed, index);
         Self { brain, dof: setup.robot.dof(), cameras: setup.cameras.clone(), origin }
     }
 
-    /// What recordings keep of it.
+    /// Returns the cell for a recording.
     fn recorded(&self) -> RecordedCell {
         match &self.origin {
             Origin::Setup(setup, seed, index) => recording::cell(setup, *seed, *index),
@@ -79,7 +79,7 @@ impl Brain {
         })
     }
 
-    /// Whether an observation can be of this brain's cell.
+    /// Checks that an observation can be of this brain's cell.
     fn check(&self, observation: &Observation) -> PyResult<()> {
         if observation.dof() != self.dof {
             let found = format!("an arm of {} joints", observation.dof());
@@ -170,7 +170,7 @@ impl Brain {
         self.with(py, |brain, _| brain.reset());
     }
 
-    /// How far the last tick got, such as `no_object`, `planned` or `committed`.
+    /// Status of the last tick, such as `no_object`, `planned` or `committed`.
     #[getter]
     fn status(&self, py: Python<'_>) -> String {
         name_of(self.with(py, |brain, _| brain.report().status))
@@ -191,7 +191,7 @@ fn camera_list(argument: &str, cameras: &Bound<'_, PyAny>) -> PyResult<Vec<Camer
     if cameras.is_empty() { Err(fault(argument, "none", "one camera or more")) } else { Ok(cameras) }
 }
 
-/// What is known of an object.
+/// Reads the model of an object.
 fn known_object(object: &Bound<'_, PyAny>, known: Option<&Bound<'_, PyAny>>) -> PyResult<KnownObject> {
     let py = object.py();
     let is_file = object.is_instance_of::<pyo3::types::PyString>() || object.hasattr("__fspath__")?;

@@ -16,7 +16,7 @@ use crate::{
 /// A pinhole depth camera at a known place: z along its optical axis, x to the right, y down in the image.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Camera {
-    /// As brains take it.
+    /// Model of the camera, as brains take it.
     pub model: CameraModel,
 }
 

@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 
 use crate::arguments::{Numbers, Whole, fault, json_dict, name_of, number};
 
-/// What makes a value again in another process: its class and the arguments.
+/// Class and arguments from which another process makes a value again.
 pub type Made<'py> = (Bound<'py, PyAny>, Bound<'py, PyTuple>);
 
 /// One number per joint of the arm.
@@ -50,7 +50,7 @@ fn joints_within(argument: &str, values: &[f64], range: &Quantity) -> PyResult<J
 /// The arm as its robot controller reports it.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct ArmState {
-    /// As brains take it.
+    /// State of the arm, as brains take it.
     pub sensed: SensedArm,
     /// Joints of the arm.
     pub dof: usize,
@@ -103,7 +103,7 @@ impl ArmState {
         Ok((slf.get_type().into_any(), arguments.into_pyobject(py)?))
     }
 
-    /// When it was sampled, on the cell's clock.
+    /// Time of the sample, on the cell's clock.
     #[getter]
     fn time_s(&self) -> f64 {
         self.sensed.time_s
@@ -154,7 +154,7 @@ impl From<RejectedTrajectory> for Rejection {
 }
 
 impl Rejection {
-    /// Its name, and what else it says.
+    /// Returns the reason's name, and its details.
     fn parts(&self) -> (String, Value) {
         match serde_json::to_value(self.rejected.reason).unwrap_or_default() {
             Value::Object(tagged) => tagged.into_iter().next().unwrap_or_default(),
@@ -165,7 +165,7 @@ impl Rejection {
 
 #[pymethods]
 impl Rejection {
-    /// Of a trajectory by its identifier; `details` as the getter gives them.
+    /// Rejection of a trajectory by its identifier; `details` as the getter gives them.
     #[new]
     #[pyo3(signature = (id, reason="declined", details=None))]
     fn new(py: Python<'_>, id: Whole, reason: &str, details: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
@@ -198,8 +198,8 @@ impl Rejection {
         self.parts().0
     }
 
-    /// Which joint, when and by how much, as far as the reason says: `joint`, `time_s`, `by_s`, `size`,
-    /// `kind`, `ratio`, `dof`.
+    /// Joint, time and amount, as far as the reason has them: `joint`, `time_s`, `by_s`, `size`, `kind`,
+    /// `ratio`, `dof`.
     #[getter]
     fn details<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         json_dict(py, &self.parts().1)
@@ -213,7 +213,7 @@ impl Rejection {
 /// A gripper as it reports itself.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct GripperState {
-    /// As brains take it.
+    /// State of the gripper, as brains take it.
     pub sensed: SensedGripper,
 }
 
@@ -257,7 +257,7 @@ impl GripperState {
         self.sensed.width_m
     }
 
-    /// Its rate of change in m/s, negative while closing.
+    /// Rate of change of the width in m/s, negative while closing.
     #[getter]
     fn speed_mps(&self) -> f64 {
         self.sensed.speed_mps
@@ -269,7 +269,7 @@ impl GripperState {
         self.sensed.force_n
     }
 
-    /// What the gripper's drive makes of its grasp.
+    /// Grasp status that the gripper's drive reports.
     #[getter]
     fn grasp(&self) -> String {
         name_of(self.sensed.grasp)

@@ -1,4 +1,4 @@
-//! What a brain wants, as Python says it.
+//! Commands of a brain as Python objects.
 
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// Its identifier.
+    /// Identifier of the trajectory.
     pub fn number(&self) -> u64 {
         self.id
     }
@@ -134,13 +134,13 @@ impl GripperMove {
         Ok((slf.get_type().into_any(), (start_s, width_m, speed_mps, force_n).into_pyobject(py)?))
     }
 
-    /// When it begins, on the cell's clock.
+    /// Start of the move, on the cell's clock.
     #[getter]
     fn start_s(&self) -> f64 {
         self.sent.start_s
     }
 
-    /// Where it ends: the distance between the fingers' inner faces in metres.
+    /// Width at the end of the move: the distance between the fingers' inner faces in metres.
     #[getter]
     fn width_m(&self) -> f64 {
         self.sent.width_m
@@ -159,18 +159,18 @@ impl GripperMove {
     }
 }
 
-/// What a brain wants: a new trajectory, other moves of the gripper, both or nothing.
+/// Command of a brain: a new trajectory, other moves of the gripper, both or nothing.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Command {
-    /// As the cell takes it.
+    /// Command as the cell takes it.
     pub sent: Sent,
-    /// What the brain told, if it is one of ours.
+    /// Snapshot of the brain, if it is a built-in one.
     pub snapshot: Option<Arc<StateSnapshot>>,
     dof: usize,
 }
 
 impl Command {
-    /// Of one of our brains for an arm with `dof` joints.
+    /// Creates the command of a built-in brain for an arm with `dof` joints.
     pub fn of_brain(sent: Sent, snapshot: StateSnapshot, dof: usize) -> Self {
         Self { sent, snapshot: Some(Arc::new(snapshot)), dof }
     }

@@ -22,7 +22,7 @@ use crate::{
     cell_state::joint_array,
 };
 
-/// What an argument names: a built-in asset, or a file.
+/// Finds the asset that an argument names: a built-in one, or a file.
 pub fn asset(kind: Kind, name: &str, argument: &str) -> PyResult<Asset> {
     let nowhere = Origin::BuiltIn(PathBuf::new());
     Asset::find(kind, name, &nowhere, (COMMAND_LINE, &format!("--{argument}"))).map_err(input_fault)
@@ -45,14 +45,14 @@ struct Texts {
 }
 
 impl Robot {
-    /// Of a setup.
+    /// Creates the robot of a setup.
     pub fn of_setup(model: &BodyRobot, sources: &Sources) -> Self {
         let Sources { robot_urdf, robot_toml, workcell_toml, limit_scale, .. } = sources.clone();
         let texts = Texts { urdf: robot_urdf, toml: robot_toml, workcell: workcell_toml, limit_scale };
         Self { model: model.clone(), texts }
     }
 
-    /// With a gripper, as recordings keep them.
+    /// Returns the texts of arm and gripper, as recordings keep them.
     pub fn sources(&self, gripper: &Gripper) -> Sources {
         let Texts { urdf, toml, workcell, limit_scale } = &self.texts;
         Sources {
@@ -194,7 +194,7 @@ pub struct Gripper {
 }
 
 impl Gripper {
-    /// Of a setup.
+    /// Creates the gripper of a setup.
     pub fn of_setup(model: &BodyGripper, sources: &Sources) -> Self {
         Self { model: model.clone(), toml: sources.gripper_toml.clone() }
     }

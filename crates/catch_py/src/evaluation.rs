@@ -25,7 +25,7 @@ use crate::{
     trial::line,
 };
 
-/// What is evaluated, all arguments checked.
+/// Evaluation that is asked for, with all arguments checked.
 pub struct Asked {
     /// The setup as Python has it.
     pub setup: Py<PyAny>,
@@ -43,7 +43,7 @@ pub struct Asked {
     pub predictor: Option<Py<PyAny>>,
     /// See `predictor`.
     pub planner: Option<Py<PyAny>>,
-    /// Is told how many throws are done, and of how many.
+    /// Callback that is given the number of finished throws, and of all.
     pub progress: Option<Py<PyAny>>,
 }
 

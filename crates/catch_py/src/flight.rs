@@ -26,19 +26,19 @@ pub struct Flight {
 }
 
 enum Kind {
-    /// Through a track, and as planners take it where its z points up.
+    /// Flight through a track, and as planners take it where its z points up.
     Track(Box<flight::Flight>, Option<Box<FlightTrajectory>>),
-    /// As a brain predicts it, in W.
+    /// Flight as a brain predicts it, in W.
     Brain(Box<FlightTrajectory>),
 }
 
 impl Flight {
-    /// As a brain predicts it.
+    /// Creates the flight that a brain predicts.
     pub fn of_brain(flight: FlightTrajectory) -> Self {
         Self { kind: Kind::Brain(Box::new(flight)) }
     }
 
-    /// As planners take it.
+    /// Returns the flight as planners take it.
     pub fn trajectory(&self) -> PyResult<&FlightTrajectory> {
         let expected = "one with z up: predict(t, p, q, up='z')";
         match &self.kind {

@@ -9,11 +9,11 @@ use crate::{
     camera::pose,
 };
 
-/// Why an object was not caught and held, by the rule that the arena's throws are judged by; `None` if it
-/// was. `samples` are the truth at rising times, a row each: `time_s`, `X_WG` and `X_WO` (poses of gripper
-/// and object, 4×4), `width_m` and `commanded_width_m` of the fingers, `dq` of the joints, and `contacts` of
-/// the object with left finger, right finger, palm, arm, floor and obstacles (n×6, zero for none). The world
-/// shakes from `disturbed_since_s` on.
+/// Reason why an object was not caught and held, by the rule for the arena's throws; `None` if it was.
+/// `samples` are the truth at rising times, a row each: `time_s`, `X_WG` and `X_WO` (poses of gripper and
+/// object, 4×4), `width_m` and `commanded_width_m` of the fingers, `dq` of the joints, and `contacts` of the
+/// object with left finger, right finger, palm, arm, floor and obstacles (n×6, zero for none). The
+/// disturbance test begins at `disturbed_since_s`.
 #[pyfunction]
 #[pyo3(signature = (samples, disturbed_since_s=None))]
 pub fn judge(

@@ -1,4 +1,4 @@
-//! What the cell senses, as Python sees and makes it.
+//! Observations of the cell as Python objects.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::{
     cell_state::{ArmState, GripperState, Made, quantity},
 };
 
-/// What the cell senses at one instant.
+/// Observation of the cell at one instant.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Observation {
     sensed: Arc<Sensed>,
@@ -20,7 +20,7 @@ pub struct Observation {
 }
 
 impl Observation {
-    /// Of an arm with `dof` joints.
+    /// Creates the observation of an arm with `dof` joints.
     pub fn new(sensed: Arc<Sensed>, dof: usize) -> Self {
         Self { sensed, dof }
     }
@@ -30,7 +30,7 @@ impl Observation {
         self.dof
     }
 
-    /// As brains take it.
+    /// Returns the observation as brains take it.
     pub fn sensed(&self) -> &Arc<Sensed> {
         &self.sensed
     }
@@ -38,8 +38,8 @@ impl Observation {
 
 #[pymethods]
 impl Observation {
-    /// What is sensed at `time_s` on the cell's clock. `frames` are the images that have arrived since the
-    /// last observation: any number, in any order, taken at `time_s` or before.
+    /// Observation at `time_s` on the cell's clock. `frames` are the images that have arrived since the last
+    /// observation: any number, in any order, taken at `time_s` or before.
     #[new]
     #[pyo3(signature = (time_s, arm, gripper, frames=None), text_signature = "(time_s, arm, gripper, frames=())")]
     fn of_parts(
@@ -109,14 +109,14 @@ pub struct DepthFrame {
 }
 
 enum Image {
-    /// In an observation, at this index.
+    /// Image in an observation, at this index.
     Sensed(Arc<Sensed>, usize),
-    /// By itself.
+    /// Image by itself.
     Alone(Box<catch_cell::DepthFrame>),
 }
 
 impl DepthFrame {
-    /// As the contract has it.
+    /// Returns the image as the contract has it.
     pub fn frame(&self) -> &catch_cell::DepthFrame {
         match &self.image {
             Image::Sensed(observation, index) => &observation.frames[*index],
@@ -193,7 +193,7 @@ impl DepthFrame {
         self.frame().camera
     }
 
-    /// When the shutter closed, on the cell's clock.
+    /// Time at which the shutter closed, on the cell's clock.
     #[getter]
     fn capture_s(&self) -> f64 {
         self.frame().capture_s
@@ -211,7 +211,7 @@ impl DepthFrame {
         PyArray1::from_slice(py, &self.frame().depth_m).reshape(self.shape())
     }
 
-    /// Which of these pixels show the object, where the cell's sensors can tell.
+    /// Mask of the pixels that show the object, where the cell's sensors have one.
     #[getter]
     fn mask<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<bool>>>> {
         self.frame().mask.as_ref().map(|mask| PyArray1::from_slice(py, mask).reshape(self.shape())).transpose()

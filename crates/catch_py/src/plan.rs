@@ -14,12 +14,12 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// For an arm with `dof` joints.
+    /// Creates the plan for an arm with `dof` joints.
     pub fn new(decision: Decision, dof: usize) -> Self {
         Self { decision, dof }
     }
 
-    /// As planners give it.
+    /// Returns the decision as planners make it.
     pub fn decision(&self) -> &Decision {
         &self.decision
     }
@@ -40,14 +40,14 @@ impl Plan {
         self.decision.plan.as_ref().map(|plan| PyArray1::from_slice(py, &plan.trajectory.knots_s))
     }
 
-    /// Its control points in radians, one a row.
+    /// Control points of the trajectory in radians, one a row.
     #[getter]
     fn control_points<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let plan = self.decision.plan.as_ref();
         plan.map(|plan| control_points(py, &plan.trajectory, self.dof)).transpose()
     }
 
-    /// When the object is at the grasp centre.
+    /// Time at which the object is at the grasp centre.
     #[getter]
     fn catch_s(&self) -> Option<f64> {
         self.decision.plan.as_ref().map(|plan| plan.catch_s)

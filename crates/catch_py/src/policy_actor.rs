@@ -1,4 +1,4 @@
-//! What becomes of a learned policy's actions: commands that keep the arm's limits.
+//! Commands from a learned policy's actions: they keep the arm's limits.
 
 use std::{mem, time::Instant};
 
@@ -16,7 +16,7 @@ use crate::policy_view::{SeenArray, row};
 /// Trajectories that are remembered: more than are sent until one is told to be rejected.
 const REMEMBERED: usize = 64;
 
-/// What an action means for each joint, as a fraction of a limit.
+/// Meaning of an action for each joint, as a fraction of a limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
     /// The acceleration.
@@ -44,8 +44,8 @@ fn period_s(setup: &Setup) -> f64 {
 pub struct SteeredArm {
     steering: Steering,
     is_delta: bool,
-    /// What holds the arm at the beginning, and the newest trajectories that were sent and not rejected, with
-    /// their identifiers.
+    /// Trajectory that holds the arm at the beginning, and the newest trajectories that were sent and not
+    /// rejected, with their identifiers.
     sent: Vec<(u64, BSpline)>,
     last_id: u64,
     closes: Option<bool>,
@@ -101,7 +101,7 @@ pub struct ShiftedBrain {
     brain: Box<ChosenBrain>,
     stopwatch: Stopwatch,
     motion: ResidualMotion,
-    /// What it wants, and since when it is known.
+    /// Command of the brain.
     command: Command,
     sensed: Option<(StateSnapshot, Instant)>,
 }
@@ -119,7 +119,7 @@ impl ShiftedBrain {
         }
     }
 
-    /// What the brain knew and decided in its last tick.
+    /// Returns the state and the plan of the brain after its last tick.
     pub fn report(&self) -> &Report {
         self.brain.report()
     }
@@ -140,7 +140,8 @@ impl ShiftedBrain {
         self.sensed = Some((snapshot, since));
     }
 
-    /// What it decided, shifted; with its snapshot, and how long all that took, in seconds.
+    /// Returns the brain's command, shifted, with its snapshot and the duration of the computation in
+    /// seconds.
     pub fn command(&mut self, setup: &Setup, start_s: f64, action: &[f64]) -> Option<(Command, StateSnapshot, f64)> {
         let (snapshot, since) = self.sensed.take()?;
         let command = self.motion.shifted(mem::take(&mut self.command), start_s, &joints(setup, action));

@@ -1,4 +1,4 @@
-//! What learned policies see: arrays of one shape.
+//! Observations for learned policies: arrays of one shape.
 
 use catch_body::{JointVector, Pose, Twist};
 use catch_bot::Report;
@@ -8,7 +8,7 @@ use catch_lab::scenario::setup::Setup;
 /// Points of a cloud.
 const CLOUD_POINTS: usize = 512;
 
-/// What an observation shows besides the arm.
+/// Content of an observation besides the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum View {
     /// The object as it truly is.

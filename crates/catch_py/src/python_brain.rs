@@ -13,11 +13,11 @@ use pyo3::{call::PyCallArgs, exceptions::PyTypeError, prelude::*};
 
 use crate::{command, observation};
 
-/// What ended an evaluation: the first exception of anything that is written in Python.
+/// Reason of the end of an evaluation: the first exception of anything that is written in Python.
 #[derive(Clone, Default)]
 pub struct Ending {
     fault: Arc<Mutex<Option<PyErr>>>,
-    /// Whether nothing that Python says counts any more.
+    /// Set when the results of Python no longer count.
     has_come: Arc<AtomicBool>,
 }
 
@@ -27,12 +27,12 @@ impl Ending {
         self.fault.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
     }
 
-    /// From now on nothing is asked any more.
+    /// Ends the evaluation: nothing is asked any more.
     pub fn come(&self) {
         self.has_come.store(true, Ordering::Relaxed);
     }
 
-    /// Whether nothing is asked any more.
+    /// Returns whether the evaluation has ended.
     pub fn has_come(&self) -> bool {
         self.has_come.load(Ordering::Relaxed)
     }
@@ -44,7 +44,7 @@ impl Ending {
     }
 }
 
-/// What makes a brain or a stage of it for each throw: `make(setup, seed, index)`.
+/// Factory of a brain or a stage of it for each throw: `make(setup, seed, index)`.
 #[derive(Clone)]
 pub struct Maker {
     /// The argument that it was, and the method that what it makes must have.
@@ -55,12 +55,12 @@ pub struct Maker {
 }
 
 impl Maker {
-    /// Of an argument, for a setup as Python has it.
+    /// Creates the factory of an argument, for a setup as Python has it.
     pub fn new(names: [&'static str; 2], make: Py<PyAny>, setup: Py<PyAny>, ending: Ending) -> Self {
         Self { names, make: Arc::new(make), setup: Arc::new(setup), ending }
     }
 
-    /// What it makes for a throw. After an exception it makes nothing: the evaluation ends.
+    /// Makes the brain or stage for a throw. After an exception it makes nothing: the evaluation ends.
     pub fn make(&self, seed: u64, index: u64) -> Made {
         let [argument, method] = self.names;
         let made = Python::attach(|py| {
@@ -114,7 +114,7 @@ impl Made {
     }
 }
 
-/// As the lab's evaluations take them, for an arm with `dof` joints.
+/// Returns a factory for the lab's evaluations, for an arm with `dof` joints.
 pub fn factory(maker: Maker, dof: usize) -> BrainFactory {
     BrainFactory::new(move |_, seed, index| Box::new(PythonBrain { made: maker.make(seed, index), dof, report: None }))
 }
@@ -124,7 +124,7 @@ struct PythonBrain {
     made: Made,
     /// Joints of the arm.
     dof: usize,
-    /// Of the brain whose command it passed on, if it was one of ours.
+    /// Report of the built-in brain whose command this brain passed on, if any.
     report: Option<Report>,
 }
 

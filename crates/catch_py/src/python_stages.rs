@@ -100,7 +100,7 @@ pub struct ObjectPose {
 
 #[pymethods]
 impl ObjectPose {
-    /// When the images were taken, in seconds.
+    /// Capture time of the images, in seconds.
     #[getter]
     fn capture_s(&self) -> f64 {
         self.found.capture_s
@@ -126,7 +126,7 @@ impl ObjectPose {
     }
 }
 
-/// What a catch is planned from.
+/// Situation from which a catch is planned.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Situation {
     setup: Arc<Setup>,
@@ -176,7 +176,7 @@ impl Situation {
 
 #[pymethods]
 impl Situation {
-    /// When a motion that is planned now takes over, in seconds.
+    /// Start of a motion that is planned now, in seconds.
     #[getter]
     fn start_s(&self) -> f64 {
         self.start.time_s
@@ -213,13 +213,13 @@ impl Situation {
         Some(Plan::new(kept(Some(running), self.progress), self.dof()))
     }
 
-    /// Whether the fingers begin to close before a motion that is planned now could take over.
+    /// True if the fingers begin to close before a motion that is planned now could take over.
     #[getter]
     fn is_closing(&self) -> bool {
         self.shown().is_closing()
     }
 
-    /// What the scenario's planner decides.
+    /// Decision of the scenario's planner.
     fn ours(&self, py: Python<'_>) -> Plan {
         let decision = py.detach(|| self.ours.lock().unwrap_or_else(PoisonError::into_inner).plan(&self.shown()));
         Plan::new(decision, self.dof())

@@ -16,7 +16,7 @@ use crate::arguments::{Numbers, fault, input_fault, name_of, number};
 /// Name of the argument, which is an asset's name, too.
 const REFERENCE: &str = stringify!(reference);
 
-/// Where the reference lies in a cloud.
+/// Pose of the reference in a cloud.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct RegisteredPose {
     found: Registration,
@@ -50,7 +50,7 @@ impl RegisteredPose {
         self.found.residual_m
     }
 
-    /// Under what the reference looks the same: `none`, `half_turn`, `finite`, `axis` or `sphere`.
+    /// Symmetry of the reference: `none`, `half_turn`, `finite`, `axis` or `sphere`.
     #[getter]
     fn symmetry(&self) -> &'static str {
         self.found.symmetry

@@ -38,7 +38,7 @@ use crate::{
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Setup {
     lab: Arc<LabSetup>,
-    /// What makes it again in another process: a callable and its arguments.
+    /// Callable and arguments from which another process makes the setup again.
     made_by: (Py<PyAny>, Py<PyTuple>),
 }
 
@@ -281,7 +281,7 @@ impl Setup {
         interruptible(py, move || Brain::of_setup(&lab, seed, index))
     }
 
-    /// The same for learned policies. `obs` is what is seen besides the arm: 'state', 'pose', 'depth' or
+    /// An arena for learned policies. `obs` is what is seen besides the arm: 'state', 'pose', 'depth' or
     /// 'cloud'; `action` is what the numbers of an action are: 'acceleration' or 'delta', or 'residual' where
     /// the scenario's brain acts and the policy shifts its motions.
     #[pyo3(
@@ -318,7 +318,7 @@ impl Setup {
 }
 
 impl Setup {
-    /// What `work` makes of a throw, if it is one that can be thrown.
+    /// Runs `work` on a throw, if it can be thrown.
     fn thrown<T: Send + 'static>(
         &self,
         py: Python<'_>,

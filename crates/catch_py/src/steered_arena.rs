@@ -56,13 +56,13 @@ struct State {
     sensed: Observation,
     seen: Vec<SeenArray>,
     eyes: Option<Box<Eyes>>,
-    /// What is wanted of the next images, as in [`Command::windows`]; a brain that acts asks by itself.
+    /// Windows of the next images, as in [`Command::windows`]; a brain that acts asks by itself.
     windows: Option<Vec<PixelWindow>>,
     actor: Actor,
     row: Option<Row>,
 }
 
-/// What makes commands of actions.
+/// Actor that makes commands of actions.
 enum Actor {
     Steered(Box<SteeredArm>),
     Shifted(Box<ShiftedBrain>),
@@ -109,7 +109,7 @@ impl SteeredArena {
     }
 }
 
-/// What sees and predicts in one scene.
+/// Creates the perception and prediction of one scene.
 fn eyes(setup: &Setup, seed: u64, index: u64) -> Eyes {
     let known = setup.known_for(seed);
     let seed = setup.brain_config(seed, index).seed;
@@ -195,7 +195,7 @@ impl SteeredArena {
         })
     }
 
-    /// What was sensed last, as arrays of one shape: `arm` (positions, velocities, gripper width, time), and
+    /// Last observation, as arrays of one shape: `arm` (positions, velocities, gripper width, time), and
     /// `object` (position, orientation as x, y, z, w, velocity, angular velocity, and 1 where it is seen),
     /// `depth` or `cloud`. Where a brain acts along, `plan` has the offsets of the joints from its motion,
     /// the seconds until its catch, and 1 where one is planned.
@@ -216,7 +216,7 @@ impl SteeredArena {
         json_dict(py, &row)
     }
 
-    /// The same as the line of JSON that `catchingbot eval` writes.
+    /// Result of the throw as the line of JSON that `catchingbot eval` writes.
     #[getter]
     fn jsonl<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let line = self.row_of(py, line)?;

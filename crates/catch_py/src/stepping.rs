@@ -37,7 +37,7 @@ enum State {
     Flying { episode: Box<Episode>, sensed: Option<(f64, Instant)> },
     /// The referee has judged.
     Done(Box<Row>),
-    /// By the user.
+    /// Closed by the user.
     Closed,
 }
 
@@ -78,7 +78,7 @@ impl Arena {
 }
 
 impl State {
-    /// Why nothing can be done any more.
+    /// Error of a call that is no longer possible.
     fn fault(&self) -> PyErr {
         PyRuntimeError::new_err(match self {
             Self::Closed => "arena: it is closed",
@@ -120,7 +120,7 @@ impl Arena {
         self.with(py, |state| self.act_on(state, sent, snapshot))
     }
 
-    /// Whether the throw is over.
+    /// True if the throw is over.
     #[getter]
     fn done(&self, py: Python<'_>) -> PyResult<bool> {
         self.with(py, |state| match state {
@@ -136,7 +136,7 @@ impl Arena {
         json_dict(py, &row)
     }
 
-    /// The same as the line of JSON that `catchingbot eval` writes.
+    /// Result of the throw as the line of JSON that `catchingbot eval` writes.
     #[getter]
     fn jsonl<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let line = self.row_of(py, line)?;

@@ -10,8 +10,8 @@ use crate::{
     setup::Setup,
 };
 
-/// What a study's steps are called, and of how many conditions each is, by how many throws the trials of an
-/// object are shared.
+/// Names of a study's steps, with the number of conditions of each, and the number of throws among which the
+/// trials of an object are divided.
 #[pyfunction]
 pub fn study_steps(py: Python<'_>, study: &str) -> PyResult<Vec<(String, usize, usize)>> {
     let study = py.detach(|| Study::load(study, ("study", "study"))).map_err(input_fault)?;

@@ -5,8 +5,8 @@ use pyo3::{prelude::*, types::PyDict};
 
 use crate::arguments::input_fault;
 
-/// What the file of a suite says, once its hash is right: `conditions` are scenario, object, throw and number
-/// of throws.
+/// Content of the file of a suite, once its hash is right: `conditions` are scenario, object, throw and
+/// number of throws.
 #[pyfunction]
 pub fn suite_file<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyDict>> {
     let suite = py.detach(|| Suite::load(name)).map_err(input_fault)?;

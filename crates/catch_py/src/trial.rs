@@ -58,13 +58,13 @@ impl Trial {
         Ok((make, (line(&slf.get().row)?, slf.get().recording(py)).into_pyobject(py)?))
     }
 
-    /// Whether the object was caught and held.
+    /// True if the object was caught and held.
     #[getter]
     fn caught(&self) -> bool {
         self.row.verdict.caught
     }
 
-    /// Why not, if it was not caught.
+    /// Reason of the miss, if the object was not caught.
     #[getter]
     fn reason(&self) -> PyResult<Option<String>> {
         let reason = serde_json::to_value(self.row.verdict.reason);
@@ -78,7 +78,7 @@ impl Trial {
         json_dict(py, &self.row)
     }
 
-    /// The same as the line of JSON that `catchingbot eval` writes.
+    /// Result of the trial as the line of JSON that `catchingbot eval` writes.
     #[getter]
     fn jsonl<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         Ok(PyBytes::new(py, line(&self.row)?.as_bytes()))

@@ -10,17 +10,17 @@ use std::{
 use catch_body::InputError;
 use unicode_normalization::UnicodeNormalization;
 
-/// What a kind of file may be.
+/// Kind of a file: its description in error messages and its largest size.
 #[derive(Debug, Clone, Copy)]
 pub struct FileKind<'a> {
-    /// What would be right, as errors call it.
+    /// Description of a valid file, for error messages.
     pub expected: &'a str,
     /// The most bytes that are read.
     pub most_bytes: u64,
 }
 
 const MIB: u64 = 1 << 20;
-/// How a file begins that stands for a large one in a repository.
+/// First bytes of a Git LFS pointer, which stands for a large file in a repository.
 const GIT_LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/v1";
 
 impl<'a> FileKind<'a> {
@@ -109,7 +109,7 @@ impl<'a> FileKind<'a> {
     }
 }
 
-/// What a path leads to where its names are spelt in another form of Unicode than on the disk, as file
+/// Finds the file that a path means where the disk spells its names in another form of Unicode, as file
 /// systems and editors differ: `é` is one character or two. The path itself where there is nothing like it.
 pub fn as_spelt(path: &Path) -> PathBuf {
     if path.as_os_str().is_ascii() || fs::symlink_metadata(path).is_ok() {
@@ -134,7 +134,7 @@ pub fn as_spelt(path: &Path) -> PathBuf {
     found
 }
 
-/// Why a file cannot be read.
+/// States why a file cannot be read.
 fn in_words(fault: &io::Error) -> String {
     match fault.kind() {
         io::ErrorKind::NotFound => "nothing there".to_owned(),

@@ -1,4 +1,4 @@
-//! Which brain: whose method each stage follows, and brains of one's own.
+//! Settings of a brain: the method of each of its stages.
 
 use std::{
     fmt::{self, Display},
@@ -18,11 +18,11 @@ use catch_cell::{Brain, CameraModel, ObjectFigures};
 use catch_paper::{IcpEstimator, PaperPlanner, RansacPredictor};
 use serde::{Deserialize, Serialize};
 
-/// Whose method catches.
+/// Method that catches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// What this project makes of the paper ([`catch_bot`]).
+    /// This project's version of the paper's method ([`catch_bot`]).
     #[default]
     Ours,
     /// The paper's own, for comparison ([`catch_paper`]).
@@ -44,39 +44,39 @@ impl Display for Method {
 pub struct BrainSettings {
     /// Seed of everything that is drawn at random.
     pub seed: u64,
-    /// From images to the object's pose.
+    /// Estimation of the object's pose from images.
     pub perception: perception::Config,
-    /// From poses to a flight.
+    /// Prediction of the flight from poses.
     pub trajectory_prediction: trajectory_prediction::Config,
-    /// Where and how to hold the object.
+    /// Selection of the grasp.
     pub grasp_selection: grasp_selection::Config,
-    /// How the arm gets there.
+    /// Trajectory optimization of the arm.
     pub trajectory_optimization: trajectory_optimization::Config,
     /// Commands and their timing.
     pub control: control::Config,
-    /// How it lives through many throws.
+    /// Cycle of many throws: catch, place, get ready.
     pub cycle: CycleConfig,
-    /// Whose method it is.
+    /// Method of all stages that name none of their own.
     pub method: Method,
-    /// Whose pose estimation, if not that of `method`.
+    /// Method of pose estimation, if not `method`.
     pub pose_estimation: Option<Method>,
-    /// Whose flight prediction, if not that of `method`.
+    /// Method of flight prediction, if not `method`.
     pub flight_prediction: Option<Method>,
-    /// Whose catch planning, if not that of `method`.
+    /// Method of catch planning, if not `method`.
     pub catch_planning: Option<Method>,
-    /// What only the paper's method knows.
+    /// Settings of the paper's method alone.
     pub paper_method: catch_paper::Config,
 }
 
 impl BrainSettings {
-    /// What every brain is prepared by, whoever's stages it has.
+    /// Settings for the preparation, which every brain needs, whatever the method of its stages.
     pub fn config(&self) -> Config {
         let Self { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control, .. } =
             self.clone();
         Config { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control }
     }
 
-    /// These settings with what is known beforehand ([`Config::given`]).
+    /// Returns these settings adapted to the given object and cameras ([`Config::given`]).
     #[must_use]
     pub fn given(self, object: &ObjectFigures, cameras: &[CameraModel]) -> Self {
         let Config { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control } =
@@ -90,7 +90,7 @@ impl BrainSettings {
         CatchingBot::with_stages(known, estimator, predictor, planner)
     }
 
-    /// These stages one by one.
+    /// Creates the three stages of these methods.
     pub fn stages(&self, known: &Preparation, seed: u64) -> ChosenStages {
         let Config { perception, trajectory_prediction, .. } = known.config().clone();
         let paper = self.paper_method;
@@ -146,14 +146,14 @@ pub type ChosenStages = (Box<dyn PoseEstimator + Send>, Box<dyn FlightPredictor 
 pub type ChosenBrain =
     CatchingBot<Box<dyn PoseEstimator + Send>, Box<dyn FlightPredictor + Send>, Box<dyn CatchPlanner + Send>>;
 
-/// The same for many throws of several objects.
+/// Catching cycle of many throws of several objects, with stages of any method.
 pub type ChosenCycle =
     CatchingCycle<Box<dyn PoseEstimator + Send>, Box<dyn FlightPredictor + Send>, Box<dyn CatchPlanner + Send>>;
 
 /// A brain in a trial.
 pub trait ObservedBrain: Brain {
-    /// What it knew and decided in its last tick, if it tells. Without it the referee still judges what was
-    /// caught, but not how well the flight was predicted.
+    /// Returns the state and the plan after the last tick, if the brain reports them. Without it the referee
+    /// still judges what was caught, but not how well the flight was predicted.
     fn report(&self) -> Option<&Report> {
         None
     }

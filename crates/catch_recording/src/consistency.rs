@@ -1,23 +1,23 @@
-//! Whether the parts of a recording fit together: what no single number of them can tell.
+//! Checks that the parts of a recording are consistent with each other.
 
 use catch_body::InputError;
 use catch_cell::{CameraModel, DepthFrame};
 
 use crate::recording::{RecordedCell, RecordedTick};
 
-/// From the first to the last instant of a recording at most, in seconds.
+/// Longest duration of a recording, in seconds.
 const MOST_DURATION_S: f64 = 1e5;
-/// How far a plan may reach ahead, in seconds.
+/// Longest time from now to the end of a plan, in seconds.
 const MOST_AHEAD_S: f64 = 100.0;
 
-/// Whether the reference scan is one of its cameras.
+/// Checks that the images of the reference scan match its cameras.
 pub fn cell(file: &str, cell: &RecordedCell) -> Result<(), InputError> {
     let scan = &cell.reference_scan;
     let mut frames = scan.frames.iter().enumerate();
     frames.try_for_each(|(i, it)| frame(file, &format!("cell.reference_scan.frames[{i}]"), it, &scan.cameras))
 }
 
-/// Whether a tick comes after the last one, its images are those of its cameras, and its trajectory is one.
+/// Checks that a tick comes after the last one, its images match the cameras, and its trajectory is valid.
 pub fn tick(file: &str, tick: &RecordedTick, last_s: Option<f64>, cameras: &[CameraModel]) -> Result<(), InputError> {
     let time_s = tick.observation.time_s;
     if let Some(last_s) = last_s.filter(|last_s| !(0.0..=MOST_DURATION_S).contains(&(time_s - last_s))) {

@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn a_map_is_stored_once_and_read_only_if_it_is_whole() {
         let folder = tempfile::tempdir().unwrap();
-        // Of the built-in arms one whose inverse kinematics need a map.
+        // One of the built-in arms whose inverse kinematics need a map.
         let arm = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/robots").join(["ur", "10e"].concat());
         let [urdf, toml] = ["robot.urdf", "robot.toml"].map(|it| fs::read_to_string(arm.join(it)).unwrap());
         let files = RobotFiles { urdf_file: "robot.urdf", urdf: &urdf, toml_file: "robot.toml", toml: &toml };

@@ -22,17 +22,17 @@ use crate::{
     },
 };
 
-/// What every reader wants.
+/// Description of a valid recording, for error messages.
 const EXPECTED: &str = "a recording written by `catchingbot catch` or by a cell's recorder (*.catch)";
 
 /// A part of a recording that the tick loop of a cell does not write, such as the truth of a simulation.
 ///
 /// Who does not care for it reads [`IgnoredAny`].
 pub trait Channel: DeserializeOwned {
-    /// Whether its values fit together; `file` is the recording.
+    /// Checks that its values are consistent; `file` is the recording.
     ///
     /// # Errors
-    /// What does not fit.
+    /// The first inconsistent value.
     fn check(&self, _file: &str) -> Result<(), InputError> {
         Ok(())
     }
@@ -40,7 +40,7 @@ pub trait Channel: DeserializeOwned {
 
 impl Channel for IgnoredAny {}
 
-/// What the headers of all versions have: whether the rest can be read is known before it is.
+/// Fields that the headers of all versions have; they state whether the rest can be read.
 #[derive(Deserialize)]
 struct Preamble {
     format: String,
@@ -53,16 +53,16 @@ struct Preamble {
 pub struct RecordingReader<S = IgnoredAny, T = IgnoredAny> {
     file: String,
     input: Input,
-    /// When the last tick was.
+    /// Time of the last tick.
     last_s: Option<f64>,
     /// Bytes that the images so far would take as they are written; zeros can be written shorter.
     image_bytes: u64,
-    /// What was known before the throw.
+    /// Header: all that was given before the throw.
     pub header: Header<S>,
     truth: PhantomData<T>,
 }
 
-/// What follows the header.
+/// Part of a recording after its header.
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Part<T> {

@@ -23,7 +23,7 @@ use crate::{
     whole_file::{Unfinished, sweep_out},
 };
 
-/// What every recording begins with.
+/// Format name at the beginning of every recording.
 pub const FORMAT: &str = "catchingbot recording";
 /// Changes whenever older programs could not read the file.
 pub const FORMAT_VERSION: u32 = 5;
@@ -31,12 +31,12 @@ pub const FORMAT_VERSION: u32 = 5;
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Bytes of an unpacked recording at most.
 pub const MOST_UNPACKED_BYTES: u64 = 1 << 30;
-/// The same of its header, of a tick and of its ending.
+/// Bytes of an unpacked header, tick or ending at most.
 pub const MOST_PART_BYTES: u64 = 64 << 20;
 /// Ending of the files' names.
 pub const EXTENSION: &str = "catch";
 
-/// What is known before anything is sensed.
+/// Header of a recording: all that is given before anything is sensed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header<Simulation> {
     /// Always `catchingbot recording`.
@@ -45,15 +45,15 @@ pub struct Header<Simulation> {
     pub format_version: u32,
     /// Version of the program that wrote it.
     pub version: String,
-    /// What it is a recording of, for people.
+    /// Title of the recording, for people.
     pub title: String,
-    /// What the brain is made from.
+    /// Cell that the brain is made from.
     pub cell: RecordedCell,
-    /// Which throw of which scenario; `None` for a real cell.
+    /// Scene of the simulated throw; `None` for a real cell.
     pub simulation: Option<Simulation>,
 }
 
-/// What a brain knows of its cell: enough to build the same brain again.
+/// Cell as a brain has it: enough to build the same brain again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedCell {
     /// The brain's settings as it was given them.
@@ -65,20 +65,20 @@ pub struct RecordedCell {
     pub ready_rad: Vec<f64>,
     /// The cameras as the brain believes them to be.
     pub cameras: Vec<CameraModel>,
-    /// What it knows of the object's shape.
+    /// Reference scan of the object's shape.
     pub reference_scan: ReferenceScan,
 }
 
 /// One tick of the brain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedTick {
-    /// What it saw.
+    /// Observation that the brain was given.
     pub observation: Observation,
-    /// What it wanted.
+    /// Command that the brain returned.
     pub command: Command,
     /// State snapshots of the brain.
     pub report: RecordedReport,
-    /// Whether images that the brain saw are not in the recording, which has no room for more.
+    /// True if images that the brain was given are left out of the recording, which has no room for more.
     #[serde(default)]
     pub images_left_out: bool,
 }
@@ -86,13 +86,13 @@ pub struct RecordedTick {
 /// State snapshot of the brain. The plan's motion is in the command of the tick that made it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedReport {
-    /// How far it got.
+    /// Progress of the throw.
     pub status: Status,
     /// The newest pose of the object.
     pub pose: Option<ObjectPose>,
     /// The predicted flight.
     pub flight: Option<FlightTrajectory>,
-    /// Where, when and how it means to catch.
+    /// Planned catch, if any.
     pub plan: Option<RecordedPlan>,
     /// Closing of the gripper.
     pub closing: Option<GripperPlan>,
@@ -101,10 +101,10 @@ pub struct RecordedReport {
 /// A plan without its motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedPlan {
-    /// When the object is at the grasp centre.
+    /// Time at which the object is at the grasp centre.
     #[serde(deserialize_with = "quantity::clock_s")]
     pub catch_s: f64,
-    /// How the object comes into the gripper.
+    /// Direction from which the object enters the gripper.
     pub approach: Approach,
     /// Pose of the gripper then.
     #[serde(deserialize_with = "quantity::pose")]
@@ -120,12 +120,12 @@ pub struct RecordedPlan {
     pub object_width_m: f64,
 }
 
-/// What is known afterwards.
+/// Ending of a recording: all that is given after the throw.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ending<GroundTruth> {
     /// The story.
     pub timeline: Vec<Entry>,
-    /// What only a simulation knows; `None` for a real cell.
+    /// Ground truth of a simulation; `None` for a real cell.
     pub ground_truth: Option<GroundTruth>,
 }
 
@@ -163,11 +163,11 @@ pub struct Recorder {
     out: Counted,
     /// Bytes that an unpacked recording may have.
     room: u64,
-    /// When the first image was left out.
+    /// Time of the first image that was left out.
     images_until_s: Option<f64>,
 }
 
-/// What is written, counted before it is packed.
+/// Writer that counts bytes before they are packed.
 struct Counted {
     /// Numbers come one by one, and the encoder clears a buffer at each call: they are gathered first.
     packed: BufWriter<GzEncoder<BufWriter<Unfinished>>>,
@@ -189,7 +189,7 @@ impl Write for Counted {
 /// Bytes of an unpacked recording that are no image's: enough for the states and the story of any throw.
 pub const ROOM_WITHOUT_IMAGES: u64 = 256 << 20;
 
-/// The same of a tick.
+/// Bytes of a tick without its images at most.
 const MOST_STATE_BYTES: u64 = 1 << 20;
 
 /// Most bytes that an image takes: five for a depth, one for a pixel of the mask, and some for the rest.
@@ -258,7 +258,7 @@ impl Recorder {
         self.room
     }
 
-    /// When the first image was left out for want of room; `None` where all are recorded.
+    /// Returns the time of the first image that was left out for want of room; `None` where all are recorded.
     pub fn images_until_s(&self) -> Option<f64> {
         self.images_until_s
     }

@@ -17,12 +17,12 @@ use crate::{
     sources::SourceNames,
 };
 
-/// What came of a comparison.
+/// Result of a comparison.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compared<T> {
     /// Number of ticks that were compared.
     pub ticks: usize,
-    /// When the first image is missing, from where on nothing can be compared; `None` where the recording has
+    /// Time of the first missing image, after which nothing can be compared; `None` where the recording has
     /// all.
     pub images_until_s: Option<f64>,
     /// The first difference; `None` where all commands that were compared are identical.
@@ -31,16 +31,16 @@ pub struct Compared<T> {
     pub ending: Ending<T>,
 }
 
-/// Where a replay first departs from its recording.
+/// First difference between a replay and its recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Difference {
     /// Time of the tick.
     pub time_s: f64,
     /// Path of the first value that differs, such as `arm.spline.knots_s[3]`.
     pub field: String,
-    /// What stands in the recording.
+    /// Value in the recording.
     pub recorded: Value,
-    /// What came now.
+    /// Value in the replay.
     pub replayed: Value,
 }
 
@@ -68,7 +68,7 @@ pub fn compare<S: Channel, T: Channel>(reader: &mut RecordingReader<S, T>) -> Re
     }
 }
 
-/// What errors call the texts in a recording.
+/// Names of the texts in a recording, for error messages.
 pub const RECORDED: SourceNames = SourceNames {
     robot_urdf: "robot.urdf in the recording",
     robot_toml: "robot.toml in the recording",

@@ -17,7 +17,7 @@ pub struct Sources {
     /// The workcell's file, where there is one.
     #[serde(default)]
     pub workcell_toml: Option<String>,
-    /// What the limits of the arm are multiplied by.
+    /// Scaling of the arm's velocity and acceleration limits.
     pub limit_scale: LimitScale,
 }
 
@@ -55,7 +55,7 @@ impl Sources {
     }
 }
 
-/// Whether the arm stands clear of its workcell where it waits.
+/// Checks that the arm in its ready pose is clear of its workcell.
 ///
 /// # Errors
 /// Names the obstacle that it stands in.

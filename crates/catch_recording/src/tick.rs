@@ -1,4 +1,4 @@
-//! What a recording is told of each tick.
+//! Data of one tick for a recording.
 
 use catch_bot::Report;
 use catch_cell::{Command, Observation};
@@ -6,10 +6,10 @@ use catch_cell::{Command, Observation};
 /// One decision of the brain.
 #[derive(Debug, Clone, Copy)]
 pub struct Tick<'a> {
-    /// What it saw.
+    /// Observation that the brain was given.
     pub observation: &'a Observation,
-    /// What it wants.
+    /// Command that the brain returned.
     pub command: &'a Command,
-    /// What it tells of its state.
+    /// State that the brain reports.
     pub report: Option<&'a Report>,
 }

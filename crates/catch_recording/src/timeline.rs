@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::tick::Tick;
 
-/// What can happen.
+/// Event of a throw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Event {
@@ -15,11 +15,11 @@ pub enum Event {
     Camera,
     /// The brain has its first pose of the object.
     FirstSeen,
-    /// It knows how the object flies.
+    /// The brain has its first trajectory of the object.
     FirstTrajectory,
-    /// It knows where, when and how to catch.
+    /// The brain has its first plan of a catch.
     FirstPlan,
-    /// It changed its plan, once or more often.
+    /// The brain changed its plan, once or more often.
     Replanned,
     /// The fingers start to close.
     Closing,
@@ -32,7 +32,7 @@ pub enum Event {
 }
 
 impl Event {
-    /// How a person calls it.
+    /// Returns the name of the event for people.
     pub fn label(self) -> &'static str {
         match self {
             Self::Thrown => "thrown",
@@ -52,11 +52,11 @@ impl Event {
 /// One line of the story.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
-    /// When it happened, or when it first did.
+    /// Time of the event, or of its first occurrence.
     pub time_s: f64,
-    /// What happened.
+    /// Kind of event.
     pub event: Event,
-    /// How often, where that can be more than once.
+    /// Number of occurrences, for events that can happen more than once.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub count: Option<u32>,
     /// More about it, for people.
@@ -69,7 +69,7 @@ pub struct Timeline {
     entries: Vec<Entry>,
     /// Replans since the last entry; they are told as one.
     replans: Option<Entry>,
-    /// What is known of the cameras.
+    /// Last status of each camera.
     cameras: Vec<CameraStatus>,
     seen: bool,
     predicted: bool,

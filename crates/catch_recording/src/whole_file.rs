@@ -10,17 +10,17 @@ use std::{
 use catch_body::InputError;
 use tempfile::{Builder, NamedTempFile, TempDir};
 
-/// What errors call the place where the program's arguments stand.
+/// Name of the command line in error messages.
 pub const COMMAND_LINE: &str = "command line";
-/// What would help where nothing can be written.
+/// Advice where nothing can be written.
 const PLACE: &str = "a place that can be written to";
-/// What would help where something is already.
+/// Advice where a file exists already.
 const FREE: &str = "another place: nothing is overwritten";
-/// What names of unfinished files begin with; the number of the process that writes follows.
+/// Prefix of the names of unfinished files; the number of the process that writes follows.
 const PREFIX: &str = ".catchingbot-";
-/// What they end with.
+/// Suffix of the names of unfinished files.
 const SUFFIX: &str = ".unfinished";
-/// What was written to since then is not swept out: it may be another machine's.
+/// Age from which an unfinished file is swept out; a younger one may be written by another machine.
 const SWEPT_AFTER: Duration = Duration::from_secs(600);
 
 /// A file that has no name of its own until it is complete; one that is dropped is gone.
@@ -38,7 +38,7 @@ impl Unfinished {
         let prefix = prefix();
         let mut builder = Builder::new();
         builder.prefix(&prefix).suffix(SUFFIX);
-        // Those of any file, less what the user's mask takes away.
+        // Permissions of any file, less those that the user's mask takes away.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         builder.tempfile_in(folder).map(Self)
@@ -150,7 +150,7 @@ pub fn write_new(files: &[(PathBuf, Vec<u8>)], asked_by: &str) -> Result<(), Inp
     Ok(())
 }
 
-/// What is said of a file that would have to be overwritten.
+/// Error for a file that would have to be overwritten.
 fn already_there(path: &Path, asked_by: &str) -> InputError {
     InputError::new(COMMAND_LINE, asked_by, format!("`{}`, which is already there", path.display()), FREE)
 }
@@ -189,7 +189,7 @@ pub fn sweep_out(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether no process of this machine has that number; `false` where that cannot be told.
+/// Returns whether no process of this machine has that number; `false` where the system does not show it.
 fn is_gone(process: &str) -> bool {
     let processes = Path::new("/proc");
     process.parse::<u32>().is_ok() && processes.join("self").exists() && !processes.join(process).exists()

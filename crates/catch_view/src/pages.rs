@@ -14,7 +14,7 @@ const STYLE: &str = include_str!("pages/page.css");
 /// The three dimensions that pages share: algebra, WebGL, a camera.
 const VIEWER: &str = include_str!("pages/viewer.js");
 
-/// What stands around the body of every page.
+/// HTML around the body of every page.
 const FRAME: &str = include_str!("pages/frame.html");
 
 /// A whole page: plain text as its title, a class and styles beside those that all pages share, and what is

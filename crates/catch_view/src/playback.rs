@@ -17,17 +17,17 @@ use catch_recording::{Ending, Header, Part, RecordedTick, replay::brain_of};
 /// Everything that is known of one throw.
 #[derive(Debug)]
 pub struct Playback {
-    /// What was known before the throw.
+    /// Header of the recording: all that was given before the throw.
     pub header: Header<Simulation>,
     /// The brain's ticks.
     pub ticks: Vec<RecordedTick>,
-    /// What is known afterwards.
+    /// Ending of the recording: all that is given after the throw.
     pub ending: Ending<GroundTruth>,
     /// The arm.
     pub robot: Robot,
     /// The gripper.
     pub gripper: Gripper,
-    /// What the recorded brain knew before the throw.
+    /// Preparation of the recorded brain before the throw.
     pub known: Arc<Preparation>,
     /// Wall times, if their file still lies beside the recording.
     pub times: Option<ThrowTimes>,
@@ -37,7 +37,7 @@ pub struct Playback {
 /// they were sensed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionSample {
-    /// When.
+    /// Time of the sample.
     pub time_s: f64,
     /// Joint positions in radians.
     pub q: JointVector,
@@ -62,14 +62,14 @@ impl From<&TruthSample> for MotionSample {
     }
 }
 
-/// How far off one prediction was.
+/// Error of one prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PredictionError {
-    /// When it was made.
+    /// Time of the prediction.
     pub time_s: f64,
-    /// How far the object's position at the catch was off, in metres.
+    /// Error of the object's predicted position at the catch, in metres.
     pub error_m: f64,
-    /// What the prediction claimed: one standard deviation in the worst direction, in metres.
+    /// Standard deviation that the prediction claimed, in the worst direction, in metres.
     pub claimed_sd_m: f64,
 }
 
@@ -93,7 +93,7 @@ impl Playback {
         Ok(Self { header, ticks, ending, robot, gripper, known, times: ThrowTimes::read(path) })
     }
 
-    /// What only a simulation knows.
+    /// Returns the ground truth of a simulation.
     pub fn ground_truth(&self) -> Option<&GroundTruth> {
         self.ending.ground_truth.as_ref()
     }
@@ -134,7 +134,7 @@ impl Playback {
         }
     }
 
-    /// When it begins: at the release of a simulated throw, else with the first observation.
+    /// Returns the start of the recording: the release of a simulated throw, else the first observation.
     pub fn start_s(&self) -> f64 {
         let sensed_s = self.ticks.first().filter(|_| self.ground_truth().is_none()).map(|tick| tick.observation.time_s);
         sensed_s.unwrap_or(0.0)
@@ -149,8 +149,8 @@ impl Playback {
         end_s.unwrap_or(0.0)
     }
 
-    /// When the flight is over: at the first true contact with the gripper, else at the last planned catch,
-    /// else at the end.
+    /// Returns the end of the flight: the first true contact with the gripper, else the last planned catch,
+    /// else the end.
     pub fn flight_end_s(&self) -> f64 {
         let flight_end_s = match self.ground_truth() {
             Some(it) => it.verdict.contact_s.or(it.verdict.catch_time_s),
@@ -159,8 +159,8 @@ impl Playback {
         flight_end_s.unwrap_or_else(|| self.end_s()).min(self.end_s())
     }
 
-    /// How each prediction fared at the last planned catch, or at the end of the flight if there was no plan;
-    /// nothing without ground truth.
+    /// Computes the error of each prediction at the last planned catch, or at the end of the flight if there
+    /// was no plan; nothing without ground truth.
     pub fn prediction_errors(&self) -> Vec<PredictionError> {
         let Some(GroundTruth { truth, verdict, undisturbed_m, .. }) = self.ground_truth() else { return Vec::new() };
         let at_s = verdict.catch_time_s.unwrap_or_else(|| self.flight_end_s());

@@ -1,4 +1,4 @@
-//! What the depth cameras saw, as points in W.
+//! Points of the depth cameras' images, in W.
 
 use catch_cell::{CameraModel, DepthFrame};
 use nalgebra::Point3;

@@ -14,16 +14,16 @@ const MOST_TRIANGLES: usize = 4_000;
 /// A surface.
 #[derive(Debug, Clone)]
 pub struct Surface {
-    /// What it belongs to.
+    /// Part that the surface belongs to.
     pub of: Part,
     /// The number of the arm's link whose frame it is in; the gripper's parts are in G, a finger around its
     /// own centre.
     pub link: usize,
-    /// Its triangles.
+    /// Triangles of the surface.
     pub mesh: TriangleMesh,
 }
 
-/// What a surface belongs to.
+/// Part that a surface belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Part {
@@ -35,7 +35,7 @@ pub enum Part {
     Finger,
     /// The thrown object.
     Object,
-    /// What stands around the arm, in W.
+    /// A body around the arm, in W.
     Obstacle,
 }
 

@@ -1,4 +1,4 @@
-//! What a calibration writes: a rig, a page, and for each camera the files of ROS.
+//! Files of a calibration: a rig, a page, and for each camera the files of ROS.
 
 use std::path::{Path, PathBuf};
 
@@ -9,18 +9,18 @@ use catch_lab::scenario::setup::Setup;
 
 use super::{CalibrateArguments, status};
 
-/// Where results are written.
+/// Paths of the results.
 pub struct Places {
     /// The rig.
     pub rig: PathBuf,
     /// The page.
     pub page: PathBuf,
-    /// For each camera its intrinsics and where it stands, as ROS keeps them.
+    /// Paths of each camera's intrinsics and pose, in the formats of ROS.
     cameras: Vec<[PathBuf; 2]>,
 }
 
 impl Places {
-    /// Those within a folder, for so many cameras.
+    /// Paths within a folder, for so many cameras.
     pub fn of(out: &Path, cameras: usize) -> Self {
         let of_camera = |i| ["yaml", "calib"].map(|kind| out.join(format!("camera_{i}.{kind}")));
         Self {
@@ -68,7 +68,7 @@ impl Places {
     }
 }
 
-/// None of a camera whose calibration is not to be believed.
+/// Returns the calibration for the rig; `None` if it did not converge.
 fn rig_calibration(found: &CameraCalibration) -> Option<RigCalibration> {
     let Residuals { images, inverse_depth_sd_per_m, silhouette_sd_px, .. } = found.residuals;
     (found.status == CalibrationStatus::Converged).then(|| RigCalibration {

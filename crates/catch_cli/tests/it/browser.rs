@@ -60,7 +60,7 @@ impl Browser {
     }
 }
 
-/// Where pictures are kept to be looked at.
+/// Folder of the screenshots.
 fn screenshots() -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("screenshots");
     fs::create_dir_all(&folder).unwrap();

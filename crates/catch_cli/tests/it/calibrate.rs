@@ -38,7 +38,7 @@ fn a_rig_is_calibrated_and_read_again() {
     assert!(refined["flights"]["tilt_sd_deg"][0].as_f64().unwrap() < 0.05, "{refined}");
     assert!(refined["cameras"][0]["position_error_m"].as_f64().unwrap() < 0.004, "{refined}");
 
-    // What was written for ROS is a first guess.
+    // The files for ROS are a first guess.
     let (info, result) = (at("first/camera_0.yaml"), at("first/camera_0.calib"));
     let again = run(&["--camera-info", &info, "--hand-eye", &result, "--out", &at("second")]);
     assert_eq!(again["cameras"][0]["status"], "converged");

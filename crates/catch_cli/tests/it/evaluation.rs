@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::{catchingbot, skipped_without, stderr, stdout};
 
-/// What an evaluation leaves that is promised byte for byte.
+/// Files of an evaluation that are promised byte for byte.
 const FILES: [&str; 5] = ["evaluation.toml", "trials.jsonl", "trials.csv", "trials.parquet", "table.md"];
 const FIXED: [&str; 8] =
     ["eval", "--json", "--object", "tennis_ball", "--object", "pill_bottle", "--throw", "near_sampled"];
@@ -166,7 +166,7 @@ for a, b in zip(parquet, csv):
 assert parquet[0]["object"] == "tennis_ball" and parquet[1]["object"] == "pill_bottle"
 assert parquet[5]["index"] == 2 and type(parquet[0]["caught"]).__name__ in ("bool", "bool_")
 "#;
-    // Where CI has put what is not installed for everybody.
+    // Folder in which CI has put packages that are not installed for everybody.
     let packages = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/python");
     let python = |arguments: &[&str]| Command::new("python3").env("PYTHONPATH", &packages).args(arguments).output();
     let has_any = python(&["-c", "try:\n import polars\nexcept ImportError:\n import pandas, pyarrow"]);
@@ -197,7 +197,7 @@ fn results_are_not_lost_by_mistake() {
         assert!(stderr(&output).contains(hint), "{mistake:?}: {}", stderr(&output));
         assert_eq!(before, files(folder.path()));
     }
-    // What is finished stays as it is, its times and its report too.
+    // Finished results stay as they are, with their times and their report.
     let others = ["times.json", "report.html"].map(|name| folder.path().join(name));
     let read = || others.each_ref().map(|path| fs::read(path).unwrap());
     let (times, text) = (read(), stdout(&eval(folder.path(), &["--trials", "1", "--resume"])));

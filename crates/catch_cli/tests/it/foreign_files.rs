@@ -32,7 +32,7 @@ fn robot(source: &str) -> Result<Robot, String> {
     import("robot", source, folder.path())?;
     let read = |name: &str| fs::read_to_string(folder.path().join("arm").join(name)).unwrap();
     let (urdf, toml) = (read("robot.urdf"), read("robot.toml"));
-    // What urdfdom and Pinocchio ask of every joint that moves.
+    // Requirements of urdfdom and Pinocchio for every joint that moves.
     for limit in urdf.split("<limit").skip(1) {
         let limit = limit.split_once('>').unwrap().0;
         assert!(limit.contains("velocity=") && limit.contains("effort="), "{source}: {limit}");

@@ -13,7 +13,7 @@ fn the_general_form_solves_nearly_what_the_closed_forms_solve() {
     let solved: Vec<&Value> =
         document["cases"].as_array().unwrap().iter().filter(|case| case["status"] == "solved").collect();
     for case in &solved {
-        // What is solved is solved: recomputed from the spline, to the tolerance at which an error counts as
+        // A solved case is solved: recomputed from the spline, to the tolerance at which an error counts as
         // none.
         let number = |group: &str, field: &str| case[group][field].as_f64().unwrap();
         for field in ["position_m", "rotation_error_rad", "velocity_mps", "start_rad", "start_radps"] {

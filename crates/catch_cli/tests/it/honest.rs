@@ -179,7 +179,7 @@ fn a_brain_whose_trajectory_was_refused_goes_on_from_what_the_arm_follows() {
     );
 }
 
-/// How often, in ten throws of tumbling bananas, another catch is chosen: one that holds another part of the
+/// Counts the changes of the catch in ten throws of tumbling bananas: to one that holds another part of the
 /// object, or holds it otherwise.
 fn changes_of_catch(switching_hysteresis: f64) -> usize {
     let settings = [format!("brain.control.switching_hysteresis={switching_hysteresis}")];

@@ -1,4 +1,4 @@
-//! What becomes of inputs that somebody who read only the docs and `--help` would try.
+//! Inputs that a reader of only the docs and `--help` would try, and their results.
 
 use std::process::Command;
 

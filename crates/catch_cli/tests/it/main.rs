@@ -47,12 +47,12 @@ fn catchingbot(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_catchingbot")).args(arguments).output().unwrap()
 }
 
-/// What it printed as its result.
+/// Standard output as text.
 fn stdout(output: &Output) -> String {
     String::from_utf8(output.stdout.clone()).unwrap()
 }
 
-/// What it complained about.
+/// Standard error as text.
 fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }

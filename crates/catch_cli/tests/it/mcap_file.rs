@@ -202,7 +202,7 @@ fn the_scene_has_arm_hand_and_object() {
     let points = |it: &Value| it["triangles"][0]["points"].as_array().map(Vec::len);
     let surface = scene["entities"].as_array().unwrap().iter().find_map(points).unwrap();
     assert_eq!(surface, playback.ground_truth().unwrap().surface.vertices_m.len());
-    // How far the gripper is open, at the end about as far as the object is wide.
+    // Gripper aperture, at the end about as wide as the object.
     let aperture = messages().filter(|it| it.channel.topic == "/gripper").last().unwrap();
     let width_m = decode(&aperture)["joints"][0]["position"].as_f64().unwrap();
     assert_eq!(width_m, playback.truth_at(aperture.log_time as f64 / 1e9).unwrap().width_m);

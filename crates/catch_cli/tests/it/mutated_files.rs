@@ -177,7 +177,7 @@ fn octahedron() -> &'static str {
      f 1 3 5\nf 3 2 5\nf 2 4 5\nf 4 1 5\nf 3 1 6\nf 2 3 6\nf 4 2 6\nf 1 4 6\n"
 }
 
-/// What became of the changed files of one kind.
+/// Results of the changed files of one kind.
 #[derive(Default)]
 struct Outcome {
     used: usize,

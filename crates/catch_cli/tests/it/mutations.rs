@@ -59,7 +59,7 @@ const MOST_TIME: Duration = Duration::from_secs(5);
 /// Nor more memory, in bytes.
 const MOST_MEMORY: u64 = 1 << 30;
 
-/// What became of changed files of one kind.
+/// Results of the changed files of one kind.
 #[derive(Debug, Default)]
 struct Outcome {
     accepted: usize,
@@ -120,7 +120,7 @@ fn cpu_ms() -> f64 {
     0.0
 }
 
-/// Whether a refusal names file, field, value and remedy.
+/// Returns whether an error names file, field, value and remedy.
 fn is_told(fault: &InputError) -> bool {
     let InputError { file, field, found, expected, .. } = fault;
     [file, field, found, expected].iter().all(|it| !it.is_empty()) && field != "the file"
@@ -388,7 +388,7 @@ fn changed_files_are_read_or_refused() {
     judge(&run(200, 24));
 }
 
-/// As many changes of each kind as `CATCHINGBOT_MUTATIONS` says, a tenth of them of recordings.
+/// Changes of each kind, `CATCHINGBOT_MUTATIONS` of them, a tenth of them of recordings.
 #[test]
 #[ignore = "takes as long as one likes"]
 fn as_many_changed_files_as_one_likes() {
@@ -396,7 +396,7 @@ fn as_many_changed_files_as_one_likes() {
     judge(&run(count, count / 10));
 }
 
-/// What is accepted can be thrown: one throw for each of some changed scenarios.
+/// An accepted scenario can be thrown: one throw for each of some changed scenarios.
 #[test]
 #[ignore = "takes as long as one likes"]
 fn accepted_scenarios_run() {

@@ -1,10 +1,10 @@
-//! What is there stays there: no file of a user's is overwritten, and none is written by halves.
+//! Existing files are kept: no file of a user's is overwritten, and none is written by halves.
 
 use std::{fs, path::Path};
 
 use crate::{catchingbot, stderr};
 
-/// What a user cannot get again.
+/// Content that a user cannot get again.
 const PRECIOUS: &str = "what nobody can get again\n";
 
 /// Names in a folder, hidden ones as well.

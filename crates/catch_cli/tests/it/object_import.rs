@@ -222,7 +222,7 @@ fn cup() -> TriangleMesh {
     TriangleMesh::revolution(&profile, 64)
 }
 
-/// How far the vertices of one mesh are from points that lie upon another, in ascending order.
+/// Distances of the vertices of one mesh from points that lie upon another, in ascending order.
 fn distances_m(from: &TriangleMesh, to: &TriangleMesh) -> Vec<f64> {
     let on_surface = cloud_file::on_surface(to).points;
     let nearest = |p: &Point3<f64>| on_surface.iter().map(|it| (it - p).norm_squared()).fold(f64::INFINITY, f64::min);

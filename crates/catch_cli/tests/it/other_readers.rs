@@ -1,5 +1,5 @@
-//! What other programs read of what is written here, and what they read in files that are read here:
-//! Pinocchio, yourdfpy and mcap, where pip has put them.
+//! Comparison with other programs that read the files written and read here: Pinocchio, yourdfpy and mcap,
+//! where pip has put them.
 
 mod descriptions;
 

@@ -98,7 +98,7 @@ fn a_track_of_rows_that_are_no_flight_has_a_status() {
     let text = document.to_string();
     assert!(!text.contains("NaN"), "{text}");
     if document["status"] == "predicted" || document["status"] == "implausible" {
-        // What agrees by accident promises little.
+        // Agreement by accident promises little.
         for axis in 0..3 {
             let variance = document["end"]["covariance"][axis][axis].as_f64().unwrap();
             assert!(variance.sqrt() > 0.3, "{text}");
@@ -147,7 +147,7 @@ fn a_cloud_is_registered_against_a_mesh() {
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), TAU * 0.3)
             * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.1),
     );
-    // What two cameras far away along x and y see, with noise of half a millimetre.
+    // Points of two cameras far away along x and y, with noise of half a millimetre.
     let mut random = Draws::new(Stream::Sensors, 7, 0);
     let mut points: Vec<Point3<f64>> = Vec::new();
     for [a, b, c] in mesh.all_corners() {
@@ -165,7 +165,7 @@ fn a_cloud_is_registered_against_a_mesh() {
         writeln!(text, "{} {} {}", point.x, point.y, point.z).unwrap();
     }
     fs::write(&cloud_file, text).unwrap();
-    // The same shape as an object, whose origin is its centre of mass.
+    // An object of the same shape, whose origin is its centre of mass.
     let object_file = folder.path().join("horn.toml");
     fs::write(
         &object_file,

@@ -1,4 +1,4 @@
-//! What is written for people to look at, without a browser.
+//! Pages and pictures written for people, checked without a browser.
 
 use std::{fs, path::Path};
 
@@ -19,7 +19,7 @@ fn read(document: &Value) -> Playback {
     Playback::read(Path::new(document["recording"].as_str().unwrap())).unwrap()
 }
 
-/// What stands in the page's element of data.
+/// Reads the page's data element.
 fn data_of(page: &str) -> Value {
     let text = page.split("<script type=\"application/json\" id=\"data\">").nth(1).unwrap();
     serde_json::from_str(text.split("</script>").next().unwrap()).unwrap()
@@ -184,7 +184,7 @@ fn new_files_are_right_as_they_are() {
         let again = catchingbot(&["new", kind, &name, "--out", out]);
         assert_eq!(again.status.code(), Some(2));
         assert!(stderr(&again).contains("already there"));
-        // As it says it can be tried; a study takes longer than one throw.
+        // The trial that the output suggests; a study takes longer than one throw.
         let shown = stdout(&output);
         let trial = shown.lines().find_map(|line| line.trim().strip_prefix("try it")).unwrap();
         let arguments: Vec<&str> = trial.split(' ').collect();

@@ -27,7 +27,7 @@ fn write_throw(path: &Path, number: u32, rows: u32, floor_m: f64, unit_m: f64) -
     let mut text = "t,x,y,z,qx,qy,qz,qw\n".to_owned();
     let mut last = [0.0; 3];
     for i in 0..rows {
-        // As good as noise of 0.3 mm.
+        // This is as good as noise of 0.3 mm.
         let noise = Vector3::from_fn(|axis, _| 4e-4 * libm::sin(f64::from(i * 37 + number * 11) + 2.0 * axis as f64));
         let seen = (p + R * point + noise) / unit_m;
         last = seen.into();

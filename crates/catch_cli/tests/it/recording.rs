@@ -34,7 +34,7 @@ fn a_recording_without_ground_truth_is_viewed_replayed_and_converted() {
     assert_eq!((&replay["caught"], &replay["scene"]), (&Value::Null, &Value::Null));
     assert!(stdout(&catchingbot(&["replay", path])).contains("own cell: outcome unknown"));
 
-    // The same without the lab, as a driver's author does it.
+    // The recording is read without the lab, as a driver's author does it.
     let mut reader: RecordingReader = RecordingReader::open(&recording).unwrap();
     let compared = compare(&mut reader).unwrap();
     assert_eq!((compared.difference, compared.ticks as u64), (None, replay["ticks"].as_u64().unwrap()));

@@ -143,7 +143,7 @@ fn row(section: &Section, field: &Field, ranges: &BTreeMap<String, String>) -> [
     [format!("`{}`", field.name), holds, default, range, plain(&field.doc).replace('|', "\\|")]
 }
 
-/// What a field holds, in words.
+/// Describes the values of a field, in words.
 fn kind(rust: &str) -> String {
     let inside = |name: &str| rust.strip_prefix(name)?.strip_prefix('<')?.strip_suffix('>');
     if let Some(inner) = inside("Option") {

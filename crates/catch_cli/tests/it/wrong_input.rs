@@ -31,7 +31,7 @@ fn complaint(arguments: &[&str]) -> String {
     complaint
 }
 
-/// The same for faults that are told in a single line.
+/// Checks that a fault is reported in a single line.
 fn one_line(arguments: &[&str], hints: &[&str]) {
     let complaint = complaint(arguments);
     assert_eq!(complaint.lines().count(), 1, "{complaint}");
@@ -279,7 +279,7 @@ fn every_asset_is_right_and_what_is_not_is_told() {
     };
     let output = check(&files);
     assert!(output.status.success(), "{}", stdout(&output));
-    // What is said of a file besides is indented.
+    // Further lines about a file are indented.
     let verdicts = stdout(&output).lines().filter(|line| !line.starts_with(' ')).map(str::to_owned).collect::<Vec<_>>();
     assert!(verdicts.len() == files.len() && files.len() > 20, "{}", stdout(&output));
     assert!(verdicts.iter().all(|line| line.starts_with("right")), "{}", stdout(&output));

@@ -1,4 +1,4 @@
-//! What flights make of a calibration on the arm.
+//! Refinement by flights of a calibration on the arm.
 
 use catch_body::Pose;
 use catch_calibration::{
@@ -35,7 +35,7 @@ type StageOf = fn(&Refined) -> &Stage;
 
 struct Stage {
     cameras: Vec<Outcome>,
-    /// How far apart two cameras see a point, for each pair.
+    /// Distance between the positions at which two cameras see a point, for each pair.
     apart_m: Vec<f64>,
 }
 
@@ -52,7 +52,7 @@ impl Stage {
     }
 }
 
-/// What flights make of a calibration in a scene whose clocks are off; they are `observed` once for all
+/// Refines a calibration by flights in a scene whose clocks are off; they are `observed` once for all
 /// conditions.
 pub fn refined(
     setup: &Setup,

@@ -1,4 +1,4 @@
-//! From throws to weights: a logistic regression of what was caught on the cost terms of each catch.
+//! Fit of the weights to throws: a logistic regression of the outcomes on the cost terms of each catch.
 
 use std::collections::BTreeMap;
 
@@ -13,9 +13,9 @@ use crate::logistic_regression::{LogisticRegression, logistic};
 
 /// Terms with weights, and whether the object touches the open gripper, which has none.
 pub const FEATURES: usize = SETTINGS.len() + 1;
-/// Of features that are scaled to a standard deviation of one.
+/// Ridge of the features, which are scaled to a standard deviation of one.
 const RIDGE: f64 = 1.0;
-/// Of the objects' intercepts, which keeps them finite where everything is caught.
+/// Ridge of the objects' intercepts, which keeps them finite where everything is caught.
 const INTERCEPT_RIDGE: f64 = 0.1;
 
 /// A throw as the regression sees it.
@@ -25,14 +25,14 @@ pub struct Observation {
     pub object: String,
     /// The terms that have weights.
     pub terms: Terms,
-    /// Whether the object touches the open gripper on its approach, 0 or 1.
+    /// Contact of the object with the open gripper on its approach, 0 or 1.
     touches: f64,
-    /// Whether it was caught.
+    /// True if the object was caught.
     pub caught: bool,
 }
 
 impl Observation {
-    /// Of a throw whose outcome its grasp decided.
+    /// Observation of a throw whose outcome its grasp decided.
     pub fn of(throw: &Throw) -> Option<Self> {
         let touches = if throw.approach_is_free { 0.0 } else { 1.0 };
         let (object, caught) = (throw.object.clone(), throw.caught);
@@ -44,12 +44,12 @@ impl Observation {
     }
 }
 
-/// How the probability of a catch depends on its terms, with an intercept for each object.
+/// Model of the probability of a catch as a function of its terms, with an intercept for each object.
 #[derive(Debug)]
 pub struct Model {
     /// Change of the log-odds per unit of each feature; at most zero for those with weights.
     pub coefficients: [f64; FEATURES],
-    /// Their standard errors, none where the bound holds.
+    /// Standard errors of the coefficients, `None` where the bound holds.
     pub standard_errors: [Option<f64>; FEATURES],
     /// Mean of the objects' intercepts, which stands for objects that were not seen.
     intercept: f64,

@@ -26,10 +26,10 @@ use serde::{Deserialize, Serialize};
 use super::weights::{self, Terms, Weights};
 use crate::results;
 
-/// How far off a prediction may be at the catch, and the object in the hand, before a miss is no fault of the
-/// grasp; the referee's own measure.
+/// Largest errors at the catch, of the prediction and of the object's position in the hand, with which a miss
+/// is a fault of the grasp; the referee's own measures.
 const LARGE_ERROR_M: f64 = 0.02;
-/// What the outcome of a throw depends on, from the root of the repository.
+/// Sources that the outcome of a throw depends on, from the root of the repository.
 const SOURCES: &[&str] = &[
     "assets",
     "crates/catch_body",
@@ -53,7 +53,7 @@ pub struct Batch {
     pub trials: u64,
     /// Weights in use.
     pub weights: Weights,
-    /// Whether every other throw draws its weights around these.
+    /// True if every other throw draws its weights around these.
     pub draws_weights: bool,
 }
 
@@ -64,13 +64,13 @@ pub struct Throw {
     pub object: String,
     /// Number of the throw.
     pub index: u64,
-    /// Whether it was caught.
+    /// True if the object was caught.
     pub caught: bool,
-    /// Why not.
+    /// Reason of the miss.
     reason: Option<Reason>,
     /// The cost terms of the plan at its catch, as the brain knew them last; none without a plan.
     pub terms: Option<Terms>,
-    /// Whether the plan lets the object in without touching the open gripper.
+    /// True if the object enters the open gripper on the planned approach without contact.
     pub approach_is_free: bool,
     prediction_error_m: Option<f64>,
     grasp_offset_m: Option<f64>,
@@ -80,8 +80,8 @@ pub struct Throw {
 type Kept = BTreeMap<(String, u64), Throw>;
 
 impl Throw {
-    /// What the grasp was like, if it decided the outcome: there was a plan, prediction and hand were near
-    /// enough, and what was missed was missed at the fingers.
+    /// Returns the terms of the grasp, if it decided the outcome: there was a plan, prediction and hand were
+    /// near enough, and a miss was one at the fingers.
     pub fn of_the_grasp(&self) -> Option<&Terms> {
         let is_near = |error_m: Option<f64>| error_m.is_some_and(|it| it <= LARGE_ERROR_M);
         let at_the_fingers = self.reason.is_none_or(|reason| {
@@ -185,7 +185,7 @@ fn brain(setup: &Setup, weights: &Weights, seed: u64, index: u64) -> CatchingBot
     CatchingBot::with_stages(known, estimator, predictor, planner)
 }
 
-/// What the brain reported last before the catch, of what it had a plan for.
+/// Finds the last report before the catch with a plan and a flight.
 fn last_report(trial: &Trial, catch_s: f64) -> Option<&Report> {
     let mut reports = trial.snapshots.iter().filter(|it| it.time_s <= catch_s).filter_map(|it| it.report.as_ref());
     reports.rfind(|it| it.plan.is_some() && it.flight.is_some())
@@ -252,7 +252,7 @@ mod tests {
         assert!(
             first.len() == 2 && batch.weights_of("banana", 1) != weights && batch.weights_of("banana", 0) == weights
         );
-        // What is kept is believed: another outcome in the file comes back.
+        // A kept result is believed: another outcome in the file comes back.
         let path = folder.join("some-seed-3.jsonl");
         let other = |it: &Throw| serde_json::to_string(&Throw { caught: !it.caught, ..it.clone() }).unwrap();
         let text = fs::read_to_string(&path).unwrap();

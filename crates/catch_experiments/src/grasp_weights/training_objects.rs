@@ -14,8 +14,8 @@ use toml::{Table, Value};
 
 /// Air at 20 °C, in kg/m³.
 const AIR_KGPM3: f64 = 1.204;
-/// How well the drag of something is known, as a fraction of it; that of the built-in objects is known to
-/// about a fifth.
+/// Standard deviation of the drag as a fraction of it; that of the built-in objects is known to about a
+/// fifth.
 const DRAG_SD_FRACTION: f64 = 0.2;
 /// The list.
 pub const LIST: &str = include_str!("training_objects.toml");
@@ -31,7 +31,7 @@ struct Listed {
 pub struct TrainingObject {
     /// Name.
     pub name: String,
-    /// Whether no weight is fitted or chosen on it.
+    /// True if no weight is fitted or chosen on the object.
     #[serde(default)]
     pub held_out: bool,
     mass_kg: f64,
@@ -100,7 +100,7 @@ impl TrainingObject {
         Ok(path)
     }
 
-    /// Its shape as an object's file has it: a prism becomes a mesh in the folder.
+    /// Returns the shape as an object's file has it: a prism becomes a mesh in the folder.
     fn shape_in(&self, folder: &Path) -> Result<Table> {
         if self.shape.get("kind").and_then(Value::as_str) != Some("prism") {
             return Ok(self.shape.clone());
@@ -114,7 +114,8 @@ impl TrainingObject {
 }
 
 impl Prism {
-    /// As an OBJ file: a fan around the middle of each end, and two triangles for each side.
+    /// Returns the prism as an OBJ file: a fan around the middle of each end, and two triangles for each
+    /// side.
     fn obj(&self) -> String {
         let Self { height_m, polygon_m, .. } = self;
         let count = polygon_m.len();

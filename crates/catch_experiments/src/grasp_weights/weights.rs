@@ -28,7 +28,7 @@ pub fn of(config: &Config) -> Weights {
     [grasp.catchability, grasp.pass_through, grasp.overhang, grasp.strength, grasp.width, motion.speed, motion.spin]
 }
 
-/// The same settings with other weights.
+/// Returns the same settings with other weights.
 pub fn with(mut config: Config, weights: &Weights) -> Config {
     let (grasp, motion) = (&mut config.grasp_selection.weights, &mut config.trajectory_optimization.weights);
     let set = [
@@ -44,7 +44,7 @@ pub fn with(mut config: Config, weights: &Weights) -> Config {
     config
 }
 
-/// What the terms cost at these weights.
+/// Computes the cost of the terms at these weights.
 pub fn cost(weights: &Weights, terms: &Terms) -> f64 {
     weights.iter().zip(terms).map(|(weight, term)| weight * term).sum()
 }

@@ -1,4 +1,4 @@
-//! How much of the arm a camera shows, on which it is calibrated.
+//! Visibility of the arm in a camera, on which the camera is calibrated.
 
 use std::f64::consts::PI;
 
@@ -11,7 +11,7 @@ use rand_pcg::Pcg64;
 /// Random postures that are looked at.
 const POSTURES: usize = 200;
 
-/// Where in W the joints are in random postures, those below the floor aside.
+/// Samples joint positions in W over random postures, without those below the floor.
 pub(super) fn joint_places(robot: &Robot, seed: u64) -> Vec<Point3<f64>> {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut places = Vec::with_capacity(POSTURES * (robot.dof() + 1));

@@ -1,4 +1,4 @@
-//! What the trials of one object and one throw say together.
+//! Summary of the trials of one object and one throw.
 
 use catch_body::statistics::{median, wilson95};
 use std::collections::BTreeMap;
@@ -10,38 +10,38 @@ use crate::referee::{Row, reason::Reason};
 /// All trials of one object and one throw.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CellSummary {
-    /// What was thrown.
+    /// Name of the object.
     pub object: String,
-    /// How.
+    /// Name of the throw.
     pub throw: String,
-    /// How often.
+    /// Number of trials.
     pub trials: usize,
-    /// Whether every trial repeats the same throw, so that the trials are no sample.
+    /// True if every trial repeats the same throw, so that the trials are no sample.
     pub throw_is_fixed: bool,
-    /// How often it was caught.
+    /// Number of catches.
     pub caught: usize,
-    /// How often the paper would have called it caught.
+    /// Number of catches by the paper's measure.
     pub caught_paper: usize,
-    /// How often the authors' code would have.
+    /// Number of catches by the measure of the authors' code.
     pub caught_paper_code: usize,
-    /// How often it was squeezed 0.4 s after the instant at which the paper looks.
+    /// Number of trials with the object squeezed 0.4 s after the instant of the paper's measure.
     pub held_later: usize,
-    /// How often it was caught but for broken limits of the arm.
+    /// Number of catches if broken limits of the arm are ignored.
     pub caught_beyond_limits: usize,
-    /// How often the arm could not have been there in time, even had it known the flight from the first image
-    /// on; by the oracle, among the throws that were not caught. None where some of these were for an arm
-    /// that the oracle does not know.
+    /// Number of misses that the arm could not have reached in time, had the flight been given from the first
+    /// image on, according to the oracle. None where some of these were for an arm that the oracle does not
+    /// know.
     pub out_of_reach: Option<usize>,
-    /// How often it could not, had it known the flight from the release on.
+    /// Number of misses out of reach, had the flight been given from the release on.
     pub out_of_reach_from_release: Option<usize>,
-    /// How often the brain called a throw out of reach that was not.
+    /// Number of throws within reach that the brain called out of reach.
     pub refused_within_reach: Option<usize>,
     /// Interval for the probability of a catch among the throws within reach.
     pub wilson95_within_reach: Option<[f64; 2]>,
     /// Interval for the probability of a catch; none for a throw that is always the same, whose outcomes
     /// repeat.
     pub wilson95: Option<[f64; 2]>,
-    /// Why it was not caught, and how often for this reason.
+    /// Number of misses for each reason.
     pub reasons: BTreeMap<Reason, usize>,
     /// Limits of the arm that commands broke, over all trials.
     pub limit_violations: usize,
@@ -49,9 +49,9 @@ pub struct CellSummary {
     pub numerical_failures: u64,
     /// Limits that the motion exceeded, as at impacts.
     pub motion_excursions: usize,
-    /// How far the joints moved in sum from the ready pose to the catch, in the middle.
+    /// Median over trials of the joint travel from the ready pose to the catch, summed over the joints.
     pub median_joint_travel_rad: Option<f64>,
-    /// How far off the object's position at the catch was predicted, in the middle.
+    /// Median over trials of the error of the predicted object position at the catch.
     pub median_prediction_error_m: Option<f64>,
     /// The closest that the arm came to itself or to the floor.
     pub min_clearance_m: Option<f64>,
@@ -103,7 +103,7 @@ impl CellSummary {
         }
     }
 
-    /// How often it was within the arm's reach, as far as that is known.
+    /// Returns the number of throws within the arm's reach, as far as that is known.
     pub fn within_reach(&self) -> Option<usize> {
         self.out_of_reach.map(|out_of_reach| self.trials - out_of_reach)
     }

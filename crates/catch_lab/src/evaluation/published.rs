@@ -10,9 +10,9 @@ const PUBLISHED: &str = include_str!("published.toml");
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PublishedRate {
-    /// What was thrown.
+    /// Name of the object.
     pub object: String,
-    /// How.
+    /// Name of the throw.
     pub throw: String,
     /// Share that was caught.
     pub caught: f64,

@@ -30,7 +30,7 @@ pub const REPORT_FILE: &str = "report.html";
 /// Name of the file that says what was evaluated.
 const IDENTITY_FILE: &str = "evaluation.toml";
 
-/// What rows are read from.
+/// Kind of the file of rows.
 const ROWS: FileKind = FileKind::recorded("a readable file of results");
 /// Most bytes of a row.
 const MOST_LINE_BYTES: u64 = 1 << 16;
@@ -153,17 +153,17 @@ fn write_identity(folder: &Path, identity: &Identity) -> Result<(), InputError> 
     whole_file::write(&folder.join(IDENTITY_FILE), text)
 }
 
-/// What was evaluated as TOML, the language of scenarios; unlike JSON it knows infinity.
+/// Writes an evaluation's identity as TOML, the language of scenarios; unlike JSON it has infinity.
 fn identity_text(identity: &Identity) -> Result<String, InputError> {
     toml::to_string(identity).map_err(|fault| {
         InputError::new(COMMAND_LINE, "the evaluation", fault, "a seed and a scenario that can be written as TOML")
     })
 }
 
-/// Whether nobody has written `file` into the folder.
+/// Checks that the folder does not contain `file`.
 ///
 /// # Errors
-/// If somebody has; `expected` says what would be right.
+/// If it does; `expected` states what would be right.
 fn refuse_file(folder: &Path, file: &str, expected: &str) -> Result<(), InputError> {
     if !folder.join(file).exists() {
         return Ok(());
@@ -172,7 +172,7 @@ fn refuse_file(folder: &Path, file: &str, expected: &str) -> Result<(), InputErr
     Err(InputError::new(COMMAND_LINE, "--out", found, expected))
 }
 
-/// Whether a folder is free for several evaluations, each in a folder of its own within it.
+/// Checks that a folder is free for several evaluations, each in a folder of its own within it.
 ///
 /// # Errors
 /// If it holds an evaluation itself.

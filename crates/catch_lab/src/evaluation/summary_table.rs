@@ -14,7 +14,7 @@ use crate::{
     trial::stopwatch::StageTimes,
 };
 
-/// What the columns are called.
+/// Headings of the columns.
 pub const HEADINGS: [&str; 11] = [
     "object",
     "throw",
@@ -73,7 +73,7 @@ pub fn lines(cells: &[CellSummary]) -> Vec<[String; HEADINGS.len()]> {
     cells.iter().map(line).collect()
 }
 
-/// What is to be said of throws that all trials repeat, a sentence; none where every trial throws anew.
+/// Returns a sentence about throws that all trials repeat; `None` where every trial has its own throw.
 pub fn repeated_throws(cells: &[CellSummary]) -> Option<String> {
     let mut repeated: Vec<&str> =
         cells.iter().filter(|it| it.throw_is_fixed && it.trials > 1).map(|it| it.throw.as_str()).collect();

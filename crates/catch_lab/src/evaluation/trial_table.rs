@@ -20,17 +20,16 @@ mod parquet_file;
 
 /// Names of the files.
 pub const CSV_FILE: &str = "trials.csv";
-/// The same in Parquet.
+/// Name of the Parquet file.
 pub const PARQUET_FILE: &str = "trials.parquet";
 
-/// What helps where a table cannot be written.
+/// Advice where a table cannot be written.
 const AGAIN: &str = "a place to write to; --resume writes it again";
 
-/// How many rows are turned into columns at a time, so that long evaluations need no more memory than short
-/// ones.
+/// Number of rows that are converted to columns at a time, so that memory does not grow with the evaluation.
 const GROUP_ROWS: usize = 1000;
 
-/// What a column holds.
+/// Type of a column's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Texts.
@@ -101,10 +100,10 @@ const COLUMNS: &[(&str, Kind)] = &[
 ];
 /// One column each for how long before the catch a prediction was made.
 const PREDICTIONS: &str = "prediction_errors_m";
-/// What the oracle reached, in columns of their own; only misses have it.
+/// Prefix of the columns of the oracle's result; only misses have it.
 const REACH: &str = "reach";
 const REACHES: &[&str] = &["from_first_image_s", "from_release_s"];
-/// What was drawn for the throw, in columns of its own: their names, and where each stands.
+/// Prefix of the columns of the conditions drawn for the throw; then name and JSON path of each column.
 const CONDITIONS: &str = "conditions";
 const DRAWN: &[(&str, &str)] = &[
     ("release_x_m", "/release/position_m/0"),
@@ -137,9 +136,9 @@ const ELSEWHERE: &[&str] = &["first_violation"];
 /// A column with its values, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
-    /// Its name.
+    /// Name of the column.
     pub name: String,
-    /// What it holds.
+    /// Type of the values.
     pub kind: Kind,
     /// A value for each row, null where there is none.
     pub values: Vec<Value>,

@@ -29,15 +29,15 @@ pub struct Flight {
     pub noise: Noise,
     /// Noise density of the acceleration that was found, in m/s²/√Hz.
     pub acceleration_noise: f64,
-    /// Whether the iterations came to rest.
+    /// True if the iterations converged.
     pub converged: bool,
-    /// Whether orientations were measured.
+    /// True if orientations were measured.
     pub oriented: bool,
     /// Accelerations that the equations of motion do not explain, in equal parts of the time, in m/s².
     pub pushes: Vec<Vector3<f64>>,
     /// Motion of the centre of mass at the time of each sighting.
     pub states: Vec<(f64, FreeState)>,
-    /// How far each sighting is from the flight.
+    /// Distance of each sighting from the flight.
     pub errors_m: Vec<f64>,
     /// Negative logarithm of its probability density, but for a constant.
     pub deviance: f64,
@@ -47,18 +47,18 @@ pub struct Flight {
     /// Iterations of the fit.
     pub iterations: usize,
     pub(super) body: FlyingBody,
-    /// Of the error state at the last sighting.
+    /// Covariance of the error state at the last sighting.
     pub(super) covariance: SMatrix<f64, N, N>,
     pub(super) prior: Arc<FlightPrior>,
     pub(super) g: Vector3<f64>,
 }
 
-/// Where an object is at one time.
+/// State of an object at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlightState {
     /// Position of the tracked point in metres.
     pub position: Point3<f64>,
-    /// Its velocity in m/s.
+    /// Velocity in m/s.
     pub velocity: Vector3<f64>,
     /// Orientation of the object; without meaning where none was measured.
     pub orientation: UnitQuaternion<f64>,
@@ -67,7 +67,7 @@ pub struct FlightState {
 }
 
 impl FlightState {
-    /// Whether all of its numbers are: backward through air a flight soon becomes infinitely fast.
+    /// Returns whether all numbers are finite: backward through air the speed soon becomes infinite.
     pub fn is_finite(&self) -> bool {
         let Self { position, velocity, covariance, .. } = self;
         position.iter().chain(velocity).chain(covariance).all(|it| it.is_finite())
@@ -115,7 +115,7 @@ impl Flight {
         self.body.parameters
     }
 
-    /// Their covariance.
+    /// Returns the covariance of the parameters.
     pub fn parameter_covariance(&self) -> ParameterCovariance {
         self.covariance.fixed_view::<PARAMETERS, PARAMETERS>(POINT, POINT).into_owned()
     }
@@ -128,8 +128,8 @@ impl Flight {
         [drag, drag * variance.max(0.0).sqrt()]
     }
 
-    /// What a sighting that lies on the flight adds to the deviance, about: the mean of the robust cost under
-    /// normal errors is 1.7.
+    /// Approximate deviance of a sighting that lies on the flight: the mean of the robust cost under normal
+    /// errors is 1.7.
     pub(super) fn deviance_of_row(&self) -> f64 {
         let of = |sd: f64| 1.7 + 3.0 * libm::log(sd);
         of(self.noise.position_sd_m) + if self.oriented { of(self.noise.orientation_sd_rad) } else { 0.0 }
@@ -145,7 +145,7 @@ impl Flight {
         self.errors_m.iter().filter(|it| **it <= INLIER_SD * self.noise.position_sd_m).count()
     }
 
-    /// It as the brain's planners take it, in axes whose z points up.
+    /// Returns the flight as a trajectory for the brain's planners, in axes whose z points up.
     pub fn trajectory(&self) -> FlightTrajectory {
         let (time_s, FreeState { p, v, R, w }) = self.states[self.states.len() - 1];
         let body = &self.body;

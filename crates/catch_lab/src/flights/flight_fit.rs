@@ -26,7 +26,7 @@ use catch_body::statistics::median_in_place;
 /// Iterations at most, and those of them after which the noise stays as it is.
 const ITERATIONS: usize = 30;
 const NOISE_ITERATIONS: usize = 10;
-/// The same for a guess that is near.
+/// Iterations after which the noise stays as it is, for a guess that is near.
 const FIRST_NOISE_ITERATIONS: usize = 3;
 /// The iterations end when a step promises less than this of the cost.
 const SMALL_GAIN: f64 = 0.05;
@@ -42,7 +42,7 @@ const LONGER_S: f64 = 0.08;
 const FIRST_M: f64 = 2e-3;
 const FIRST_RAD: f64 = 0.04;
 
-/// How a minimization ended.
+/// Result of a minimization.
 struct Rest {
     equations: Equations,
     converged: bool,

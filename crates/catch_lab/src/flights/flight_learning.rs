@@ -1,4 +1,4 @@
-//! What recorded throws teach about the flights of an object, and how good predictions by it are.
+//! Learning of a flight prior from recorded throws of an object, and evaluation of its predictions.
 //!
 //! Empirical Bayes: the moments of the parameters and the noise of the process over the throws by expectation
 //! maximization.
@@ -62,7 +62,7 @@ pub fn learn(throws: &[&Studied<'_>]) -> Option<FlightPrior> {
     Some(calibrated(throws, &prior))
 }
 
-/// What one throw says.
+/// Estimates from one throw.
 struct Lesson {
     mean: ParameterVector,
     covariance: ParameterCovariance,
@@ -72,7 +72,7 @@ struct Lesson {
     oriented: bool,
 }
 
-/// What a flight says, if most sightings agree with it.
+/// Returns the estimates from a flight, if most sightings agree with it.
 fn lesson(flight: &Flight) -> Option<Lesson> {
     let agrees = flight.inliers() as f64 >= LEAST_AGREEING * flight.considered() as f64;
     agrees.then(|| Lesson {
@@ -165,7 +165,7 @@ fn calibrated(throws: &[&Studied<'_>], prior: &FlightPrior) -> FlightPrior {
 /// Fraction of the ends that the 95 % ellipsoid is to cover whatever is seen.
 const COVERED: f64 = 0.945;
 
-/// How much further an unknown object may be from those known than these are from each other.
+/// Factor of the standard deviations of an unknown object over those of the known ones.
 const UNKNOWN: f64 = 1.5;
 
 /// A prior for any object: as those known, with no direction of the body frame told from another.

@@ -14,7 +14,7 @@ use super::{
 /// A recorded throw.
 #[derive(Debug, Clone)]
 pub struct Throw {
-    /// Its samples, in the order of time; two or more.
+    /// Samples in the order of time; two or more.
     pub samples: Vec<Sighting>,
     /// Direction against which gravity pulls.
     pub up: Unit<Vector3<f64>>,
@@ -34,7 +34,7 @@ impl Throw {
     }
 }
 
-/// How much of a throw is seen before its end is predicted.
+/// Part of a throw that is seen before its end is predicted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Seen {
     /// Half of its time.
@@ -44,14 +44,14 @@ pub enum Seen {
 }
 
 impl Seen {
-    /// Those that are reported.
+    /// All parts for which errors are reported.
     pub const ALL: [Self; 4] = [Self::Half, Self::AllBut(0.3), Self::AllBut(0.2), Self::AllBut(0.1)];
 }
 
 /// A predicted end against the recorded one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Miss {
-    /// From the predicted position to the recorded one, in metres.
+    /// Vector from the predicted position to the recorded one, in metres.
     pub error: Vector3<f64>,
     /// Covariance of the predicted position, in m².
     pub covariance: Matrix3<f64>,
@@ -101,7 +101,7 @@ impl Throw {
         })
     }
 
-    /// How far the end is from where a flight has it.
+    /// Returns the error of a flight at the end of the throw.
     pub fn miss(&self, flight: &Flight) -> Option<Miss> {
         let last = self.samples.last()?;
         let end = flight.at(last.time_s);
@@ -119,14 +119,14 @@ pub struct Reliability {
     pub failed: usize,
     /// Median of the errors, in metres.
     pub median_m: f64,
-    /// Their 95th percentile.
+    /// 95th percentile of the errors, in metres.
     pub p95_m: f64,
     /// Fractions of the ends in the ellipsoids of [`QUANTILES`].
     pub covered: [f64; 4],
 }
 
 impl Reliability {
-    /// Of some predictions.
+    /// Computes the statistics of some predictions.
     pub fn of(misses: &[Option<Miss>]) -> Self {
         let made: Vec<&Miss> = misses.iter().flatten().collect();
         let mut errors: Vec<f64> = made.iter().map(|miss| miss.error.norm()).collect();

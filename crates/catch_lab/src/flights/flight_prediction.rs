@@ -1,4 +1,4 @@
-//! Where an object goes on to that was seen for a while, and whether that is what objects do.
+//! Prediction of an object's path from a track, and a check that it is a free flight.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use super::{
     track_file::Sighting,
 };
 
-/// What is known of an object's flights before one is seen.
+/// Prior on an object's flights.
 #[derive(Debug, Clone, Default)]
 pub enum Known {
     /// Nothing: a prior for everyday objects.
@@ -22,7 +22,7 @@ pub enum Known {
     Nothing,
     /// Isotropic drag: constant k of a = −k·|v|·v in 1/m, and its standard deviation.
     Drag([f64; 2]),
-    /// What other throws of the object taught.
+    /// Prior learned from other throws of the object.
     Prior(Arc<FlightPrior>),
 }
 
@@ -48,13 +48,13 @@ pub const DRAG_PER_M: [f64; 2] = [0.05, 0.1];
 const MOST_SIGHTINGS: usize = 300;
 const MOST_ROWS: usize = 1000;
 
-/// What a track says of its flight.
+/// Kind of flight that a track shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FlightStatus {
     /// There is a flight.
     Predicted,
-    /// There is one, but the sightings are far from it.
+    /// There is a flight, but the sightings are far from it.
     Implausible,
     /// No part of the track falls as gravity and air have it.
     NoGravity,
@@ -67,9 +67,9 @@ pub enum FlightStatus {
 /// The flight in a track, or why there is none.
 #[derive(Debug, Clone)]
 pub struct FlightPrediction {
-    /// Whether there is a flight, and of what kind.
+    /// Kind of flight, if any.
     pub status: FlightStatus,
-    /// When a contact ended the flight; what follows it was not looked at.
+    /// Time of the contact that ended the flight; later samples are not used.
     pub contact_s: Option<f64>,
     /// The flight.
     pub flight: Option<Flight>,
@@ -81,7 +81,7 @@ impl FlightPrediction {
     }
 }
 
-/// With more noise than this, or fewer sightings that agree, something is wrong.
+/// Largest noise, in metres, and least fraction of sightings that agree, of a plausible flight.
 const MOST_NOISE_M: f64 = 0.02;
 const LEAST_AGREEING: f64 = 0.5;
 /// A force beyond gravity and drag that is looked into, in m/s²; more by spin, as a fraction of the speed per
@@ -90,7 +90,8 @@ const STRANGE_MPS2: f64 = 8.0;
 const MOST_LIFT_PER_S: f64 = 6.0;
 /// A disturbance of the first or last part of a flight that may be a hand's or a floor's, in m/s².
 const TOUCH_MPS2: f64 = 3.0;
-/// How much of the flight is then tried to be left out, and how much must be left, in seconds.
+/// Durations that are then left out of the flight, one after another, and the least that must be left, in
+/// seconds.
 const CUTS_S: [f64; 5] = [0.025, 0.05, 0.075, 0.1, 0.15];
 /// Density of the disturbances without them, as a fraction.
 const CALMER: f64 = 0.3;
@@ -101,7 +102,7 @@ const MOST_DENSITY: f64 = 2.0;
 /// least, in seconds.
 const MOST_RAD: f64 = 0.2;
 const FOLLOWED_S: f64 = 0.5;
-/// That many sightings in a row at an end that all lie further off than this are no outliers.
+/// Number of consecutive sightings at an end that are no outliers if all of them lie further off than this.
 const TAIL: usize = 4;
 const TAIL_SD: f64 = 12.0;
 const TAIL_M: f64 = 0.01;
@@ -146,7 +147,7 @@ pub fn predict_near(
     FlightPrediction::none(status)
 }
 
-/// Whether the rows may be those of a falling object.
+/// Returns whether the rows may be those of a falling object.
 fn may_fall(rows: &[Sighting], g: &Vector3<f64>) -> bool {
     let oriented = rows.iter().any(|it| it.rotation.is_some());
     Parabola::through(rows).is_some_and(|it| {
@@ -166,7 +167,7 @@ fn strange(rows: &[Sighting], parabola: &Parabola, g: &Vector3<f64>) -> (f64, f6
     (force.norm(), velocity.norm())
 }
 
-/// How much of an acceleration the distance of the rows from a parabola may hide.
+/// Returns the acceleration that the distance of the rows from a parabola may hide.
 fn scatter(rows: &[Sighting], parabola: &Parabola) -> f64 {
     let duration_s = rows[rows.len() - 1].time_s - rows[0].time_s;
     100.0 * parabola.off_m / (duration_s * duration_s * (rows.len() as f64).sqrt())
@@ -249,8 +250,8 @@ fn most_probable(
     of(&rows.iter().map(|it| Sighting { rotation: None, ..*it }).collect::<Vec<_>>())
 }
 
-/// Whether another direction of gravity, or none, explains the rows better: looked at where there are strong
-/// forces.
+/// Returns whether another direction of gravity, or none, explains the rows better; checked where there are
+/// strong forces.
 fn is_against(rows: &[Sighting], g: &Vector3<f64>, (priors, flight): (&[Arc<FlightPrior>], &Flight)) -> bool {
     if Parabola::through(rows).is_none_or(|it| (it.a - g).norm() < STRANGE_MPS2) {
         return false;

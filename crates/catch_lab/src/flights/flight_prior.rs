@@ -1,4 +1,4 @@
-//! What is known of an object's flights before one is seen.
+//! Prior on an object's flights.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 /// Covariance of the parameters.
 pub type ParameterCovariance = SMatrix<f64, PARAMETERS, PARAMETERS>;
 
-/// What is known of an object's flights before one is seen.
+/// Prior on an object's flights: mean and covariance of 19 parameters, and noise.
 ///
 /// The 19 parameters are in SI units, in this order. The tracked point from the centre of mass is in the body
 /// frame: x, y, z (m). The symmetric matrix M in the body frame, whose exponential is the drag matrix D of a
@@ -25,7 +25,7 @@ pub type ParameterCovariance = SMatrix<f64, PARAMETERS, PARAMETERS>;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlightPrior {
-    /// Where the numbers come from.
+    /// Source of the numbers.
     pub source: String,
     /// Throws that they were learned from.
     pub throws: usize,
@@ -43,17 +43,17 @@ pub struct FlightPrior {
     pub least_noise: Noise,
     /// Mean of the parameters.
     pub mean: [f64; PARAMETERS],
-    /// Their covariance, row by row.
+    /// Covariance of the parameters, row by row.
     pub covariance: [[f64; PARAMETERS]; PARAMETERS],
 }
 
 /// Standard deviations of a track's samples along and about each axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
-    /// Of the position, in metres.
+    /// Standard deviation of the position, in metres.
     #[serde(deserialize_with = "quantity::error_m")]
     pub position_sd_m: f64,
-    /// Of the orientation, in radians.
+    /// Standard deviation of the orientation, in radians.
     #[serde(deserialize_with = "quantity::error_rad")]
     pub orientation_sd_rad: f64,
 }
@@ -74,13 +74,14 @@ impl FlightPrior {
         ParameterCovariance::from_fn(|i, j| self.covariance[i][j])
     }
 
-    /// This prior with other moments of the parameters.
+    /// Returns this prior with other moments of the parameters.
     pub fn with_moments(&self, mean: &ParameterVector, covariance: &ParameterCovariance) -> Self {
         let rows = std::array::from_fn(|i| std::array::from_fn(|j| covariance[(i, j)]));
         Self { mean: (*mean).into(), covariance: rows, ..self.clone() }
     }
 
-    /// This prior with isotropic drag k of a = −k·|v|·v in 1/m that has this mean and standard deviation.
+    /// Returns this prior with isotropic drag k of a = −k·|v|·v in 1/m that has this mean and standard
+    /// deviation.
     pub fn with_drag(&self, drag_per_m: f64, sd_per_m: f64) -> Self {
         // The log-normal distribution of these moments; about zero, of the half-normal one's.
         let mean_per_m = drag_per_m.max(0.8 * sd_per_m).max(1e-9);
@@ -129,8 +130,8 @@ impl FlightPrior {
         (mean, basis)
     }
 
-    /// With independent parameters: the mean and standard deviation of the drag's logarithm in all directions
-    /// and by how much it differs between them, and the standard deviation of the lift.
+    /// Creates a prior with independent parameters: the mean and standard deviation of the drag's logarithm
+    /// in all directions, its difference between them, and the standard deviation of the lift.
     fn of_hand_size(source: &str, [drag, drag_sd, by_direction]: [f64; 3], lift_sd: f64) -> Self {
         let (mut mean, mut covariance) = (ParameterVector::zeros(), ParameterCovariance::zeros());
         let mut fill = |first: usize, count: usize, sd: f64| {
@@ -197,7 +198,7 @@ impl FlightPrior {
         Ok(prior)
     }
 
-    /// Whether it can be used; `file` names it in errors.
+    /// Checks that the prior can be used; `file` is its name in errors.
     ///
     /// # Errors
     /// A covariance that is none.

@@ -20,8 +20,8 @@ pub(super) const MEDIAN: f64 = 1.538;
 const TENTH: f64 = 0.764;
 /// Degrees of freedom of the errors' distribution.
 const STUDENT_DOF: f64 = 4.0;
-/// How long the first and the last disturbance stay the same, and how much longer each further inwards does:
-/// what is predicted rests on the motion at the end most.
+/// Duration of the first and the last disturbance, and factor of its growth inwards: predictions depend most
+/// on the motion at the end.
 const FIRST_STRETCH_S: f64 = 0.03;
 const LAST_STRETCH_S: f64 = 0.015;
 const STRETCH_GROWTH: f64 = 1.25;
@@ -45,12 +45,12 @@ pub(super) struct Guess {
     pub rest: DVector<f64>,
 }
 
-/// What is minimized.
+/// Least-squares problem of a flight.
 pub(super) struct Problem<'a> {
     pub g: Vector3<f64>,
     pub prior: &'a Arc<FlightPrior>,
     pub rows: &'a [Sighting],
-    /// Whether orientations were measured; without them the body frame is the world's and does not rotate.
+    /// True if orientations were measured; without them the body frame is the world's and does not rotate.
     pub oriented: bool,
     pub mean: ParameterVector,
     pub basis: DMatrix<f64>,
@@ -69,7 +69,7 @@ pub(super) struct Equations {
 }
 
 impl<'a> Problem<'a> {
-    /// Of sightings in the order of time, under gravity `g`.
+    /// Creates the problem of sightings in the order of time, under gravity `g`.
     pub fn new(g: Vector3<f64>, prior: &'a Arc<FlightPrior>, rows: &'a [Sighting]) -> Self {
         let oriented = rows.iter().any(|it| it.rotation.is_some());
         let (mean, basis) = prior.whitened(oriented);
@@ -95,7 +95,8 @@ impl<'a> Problem<'a> {
         FlyingBody::new(&(self.mean + ParameterVector::from_column_slice(moved.as_slice())))
     }
 
-    /// What pushes during a disturbance, and where its elements stand among the unknowns after the state.
+    /// Returns the accelerations of a disturbance, and the index of its elements among the unknowns after the
+    /// state.
     pub fn pushes(&self, guess: &Guess, between_s: [f64; 2]) -> (Pushes, usize) {
         let (_, size) = self.sizes();
         let at = self.basis.ncols() + size * self.stretch(f64::midpoint(between_s[0], between_s[1]));
@@ -162,7 +163,7 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// How long a disturbance stays the same.
+    /// Returns the duration of a disturbance.
     pub fn duration_s(&self, stretch: usize) -> f64 {
         self.ends_s[stretch] - stretch.checked_sub(1).map_or(0.0, |before| self.ends_s[before])
     }
@@ -271,7 +272,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// When the disturbances of a flight of this duration end.
+/// Computes the end times of the disturbances of a flight of this duration.
 fn stretch_ends_s(duration_s: f64) -> Vec<f64> {
     let (mut first_s, mut last_s, mut left_s) = (FIRST_STRETCH_S, LAST_STRETCH_S, duration_s);
     let (mut front, mut back) = (Vec::new(), Vec::new());

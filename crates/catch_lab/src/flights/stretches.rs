@@ -82,8 +82,7 @@ pub fn between_contacts(g: &Vector3<f64>, rows: &[Sighting]) -> Vec<std::ops::Ra
     stretches
 }
 
-/// How far the velocity after a row is from that before, gravity aside and beyond what the scatter of the
-/// rows explains.
+/// Change of velocity at a row, without gravity and beyond the part that the scatter of the rows explains.
 fn velocity_change(g: &Vector3<f64>, rows: &[Sighting], at: usize) -> f64 {
     let time_s = rows[at].time_s;
     let first = rows[..at].partition_point(|it| it.time_s < time_s - SPAN_S).min(at.saturating_sub(SPAN_ROWS));
@@ -122,7 +121,7 @@ pub fn median_vector(vectors: &[Vector3<f64>]) -> Vector3<f64> {
 /// Position, velocity and acceleration at the time of the first row.
 #[derive(Debug, Clone, Copy)]
 pub struct Parabola {
-    /// At the time of the first row.
+    /// Position at the time of the first row.
     pub p: Vector3<f64>,
     /// See `p`.
     pub v: Vector3<f64>,

@@ -10,14 +10,14 @@ use nalgebra::{Point3, Quaternion, UnitQuaternion};
 
 use catch_recording::bounded_file::FileKind;
 
-/// What was seen at one time.
+/// Measurement of an object's pose at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sighting {
-    /// When.
+    /// Time of the measurement.
     pub time_s: f64,
-    /// Where, in the track's axes.
+    /// Position in the track's axes.
     pub p: Point3<f64>,
-    /// How it was turned, if the track says so.
+    /// Orientation, if the track has it.
     pub rotation: Option<UnitQuaternion<f64>>,
 }
 
@@ -113,11 +113,11 @@ pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError>
     Ok((sightings, end_s))
 }
 
-/// What a track is.
+/// Description of a valid track, for error messages.
 const EXPECTED: &str =
     "t,x,y,z or t,x,y,z,qx,qy,qz,qw with commas between, in another order below a header with these names";
 
-/// Where the time, the place and the quaternion x, y, z, w stand in a row.
+/// Columns of the time, the position and the quaternion x, y, z, w in a row.
 struct Columns(Vec<usize>);
 
 impl Columns {

@@ -1,16 +1,16 @@
-//! What was possible: whether the arm could have been at any catch of a throw in time, known to nobody but
-//! the referee.
+//! Oracle of reachability: whether the arm could have been at any catch of a throw in time, computed for the
+//! referee alone.
 //!
-//! The oracle knows the true flight and has no noise. It asks, for every 10 ms of the flight and for many
-//! orientations of the hand around the object, whether any posture of the arm that holds the hand there can
-//! be reached from the waiting pose. What a joint can reach in a time T from rest is an interval, exact and
-//! in closed form; which postures lie in those intervals is answered by the inverse kinematics: in closed
-//! form where there is one, of S-R-S arms for all redundancy at once; else by iteration from starts all over
-//! the intervals and along the null space from what that finds. It shares neither the grid, the grasps, the
-//! map nor the bound on work with the search of the brain. The arm may be moving at the catch, if it can stop
-//! before its joints' limits afterwards. Of the torque limits, of the gripper and of the object's shape it
-//! takes no notice: a throw that it calls out of reach is out of reach between its samples, one that it calls
-//! within reach may still be hard.
+//! The oracle has the true flight, without noise. For every 10 ms of the flight, and for many orientations of
+//! the hand around the object, it searches for a posture of the arm that holds the hand there and that can be
+//! reached from the waiting pose. The reachable set of a joint in a time T from rest is an interval, exact
+//! and in closed form. Inverse kinematics finds the postures in those intervals: in closed form where there
+//! is one, for S-R-S arms over the whole null space at once; else by iteration from starts all over the
+//! intervals and along the null space from the solutions. The oracle uses neither the grid, the grasps, the
+//! map nor the bound on work of the brain's search. The arm may be moving at the catch, if it can stop before
+//! its joints' limits afterwards. The torque limits, the gripper and the object's shape are ignored: a throw
+//! that the oracle calls out of reach is out of reach between its samples, one that it calls within reach may
+//! still be hard.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::scenario::setup::{Setup, throw_check::LONGEST_FLIGHT_S};
 
-/// How long after the first image has arrived anybody could begin to move, in seconds: the paper's first
+/// Time from the arrival of the first image to the earliest start of a motion, in seconds: the paper's first
 /// estimate needs six frames at 100 Hz.
 const FIRST_ESTIMATE_S: f64 = 0.06;
 /// Catch times are this far apart, in seconds: 5 cm of the fastest flights.
@@ -42,13 +42,13 @@ const ROLLS: usize = 16;
 /// Swivels that are tried in each arc of the redundancy.
 const SWIVELS: usize = 5;
 
-/// When an object could have been caught, if at all.
+/// Times at which an object could have been caught, if any.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Reach {
     /// A time at which the arm could have caught it, had it begun to move 60 ms after the first image
     /// arrived.
     pub from_first_image_s: Option<f64>,
-    /// The same, had it begun at the release.
+    /// A time at which the arm could have caught it, had it begun to move at the release.
     pub from_release_s: Option<f64>,
 }
 
@@ -74,7 +74,7 @@ enum Kinematics {
 }
 
 impl<'a> Oracle<'a> {
-    /// For the arm of a setup.
+    /// Creates the oracle for the arm of a setup.
     pub fn of(setup: &'a Setup) -> Self {
         let Setup { robot, gripper, .. } = setup;
         let kinematics = match (SrsArm::of(robot), ParallelAxesArm::of(robot)) {
@@ -93,7 +93,7 @@ impl<'a> Oracle<'a> {
         }
     }
 
-    /// What is possible in one scene.
+    /// Finds the times at which the arm could catch in one scene.
     pub fn reach(&self, setup: &Setup, seed: u64, index: u64) -> Reach {
         let flight = Flight::of(setup, seed, index);
         let (ready_q, first_estimate_s) =
@@ -112,7 +112,7 @@ impl<'a> Oracle<'a> {
         samples.find(|sample| self.is_possible(sample, from, sample.time_s - start_s)).map(|sample| sample.time_s)
     }
 
-    /// Whether the hand can be at the object after moving from rest in `from` for `time_s`, in any
+    /// Returns whether the hand can be at the object after moving from rest in `from` for `time_s`, in any
     /// orientation.
     fn is_possible(&self, sample: &FlightSample, from: &JointVector, time_s: f64) -> bool {
         if (sample.p_WO - self.base).norm() > self.longest_reach_m {
@@ -137,8 +137,8 @@ impl<'a> Oracle<'a> {
         })
     }
 
-    /// Whether every joint that has moved from rest in `from` to `q` in `time_s` can be slow enough there to
-    /// stop before its limit.
+    /// Returns whether every joint that has moved from rest in `from` to `q` in `time_s` can be slow enough
+    /// there to stop before its limit.
     fn can_stop_after(&self, from: &JointVector, q: &JointVector, time_s: f64) -> bool {
         self.robot.joints.iter().enumerate().all(|(i, joint)| {
             let way = q[i] - from[i];
@@ -148,7 +148,7 @@ impl<'a> Oracle<'a> {
         })
     }
 
-    /// Whether the arm at `q` touches neither itself nor its surroundings.
+    /// Returns whether the arm at `q` touches neither itself nor its surroundings.
     fn is_clear(&self, q: &JointVector) -> bool {
         let (X_WL, width_m) = (self.robot.link_poses(q), self.gripper.max_width_m);
         self.clearance.self_clearance(&X_WL, width_m) > 0.0
@@ -169,8 +169,8 @@ fn swivelled(srs: &SrsArm, X_WG: &Pose, ranges: &Ranges) -> impl Iterator<Item =
     })
 }
 
-/// Whether a joint can be this far from rest after `time_s`: it gathers speed all the way, up to V.
-/// s = A·T²/2 for T < V/A, else V·T − V²/2A.
+/// Farthest distance of a joint from rest after `time_s`, with acceleration all the way up to V: s = A·T²/2
+/// for T < V/A, else V·T − V²/2A.
 fn farthest(limits: &JointLimits, time_s: f64) -> f64 {
     let JointLimits { velocity, acceleration, .. } = *limits;
     if acceleration * time_s < velocity {
@@ -232,7 +232,7 @@ struct FlightSample {
 }
 
 impl Flight {
-    /// That of throw number `index`.
+    /// Computes the flight of throw number `index`.
     pub fn of(setup: &Setup, seed: u64, index: u64) -> Self {
         let (release, conditions) = (setup.release(seed, index), setup.conditions(seed, index));
         let flight = FreeFlight::new(&setup.object, &release, &conditions, FLIGHT_STEP_S);

@@ -29,11 +29,11 @@ use crate::{
     scenario::setup::Setup,
 };
 
-/// When the brain usually has its first estimate: the paper's six frames at 100 Hz, and one more.
+/// Usual time of the brain's first estimate, in seconds: the paper's six frames at 100 Hz, and one more.
 const FIRST_ESTIMATE_S: f64 = 0.07;
 /// Times of a catch that the oracle is asked for are this far apart, in seconds.
 const CATCH_INTERVAL_S: f64 = 0.03;
-/// What a throw costs that cannot be caught: more than any catch.
+/// Cost of a throw that cannot be caught: more than any catch.
 const MISSED: f64 = 60.0;
 /// A waiting arm keeps this far from itself and from the floor, in metres.
 const CLEARANCE_M: f64 = 0.05;
@@ -56,8 +56,8 @@ pub struct Ready {
 /// The throws for which a pose is wanted, and planners to ask.
 pub struct Corridor<'a> {
     parts: Vec<Part>,
-    /// Whether the oracle is asked first. Where only the planner has inverse kinematics in closed form, it is
-    /// the quicker one.
+    /// True if the oracle is asked before the planner. Where only the planner has inverse kinematics in
+    /// closed form, it is the quicker one.
     asks_oracle: bool,
     oracle: Oracle<'a>,
     clearance: ArmClearance,
@@ -68,7 +68,7 @@ pub struct Corridor<'a> {
 struct Part {
     known: Arc<Preparation>,
     grasping: grasp_selection::Config,
-    /// As the oracle and as the planner know them.
+    /// Flights as the oracle and as the planner have them.
     flights: Vec<(Flight, FlightTrajectory)>,
 }
 
@@ -97,7 +97,7 @@ impl<'a> Corridor<'a> {
         }
     }
 
-    /// What waiting at `q` is worth; `None` if the arm cannot stand there, or if the mean cost is above
+    /// Evaluates waiting at `q`; `None` if the arm cannot stand there, or if the mean cost is above
     /// `most_cost`.
     pub fn value(&self, q: &JointVector, most_cost: f64) -> Option<Ready> {
         let X_WL = self.robot.link_poses(q);
@@ -135,7 +135,7 @@ impl<'a> Corridor<'a> {
         Some(Ready { q: *q, caught, throws, cost, travel_rad })
     }
 
-    /// How many throws are within reach of an arm that waits at `q`, as the oracle has it.
+    /// Returns the number of throws within reach of an arm that waits at `q`, according to the oracle.
     pub fn within_reach(&self, q: &JointVector) -> usize {
         let flights = self.parts.iter().flat_map(|part| &part.flights);
         flights.filter(|(flight, _)| self.first_catch_s(flight, q).is_some()).count()

@@ -20,11 +20,11 @@ use catch_recording::{Part, replay::RECORDED, whole_file::COMMAND_LINE};
 
 /// Fingers are at rest while the width changes by no more, in metres.
 const REST_M: f64 = 2e-4;
-/// They have been seen to move when they are this far from where they were, in metres.
+/// Displacement from which the fingers count as moving, in metres.
 const MOVED_M: f64 = 1e-3;
 /// Moves that should go no further than this tell nothing, in metres.
 const LEAST_TRAVEL_M: f64 = 3e-3;
-/// How long after its start a move is looked at, in seconds.
+/// Duration after the start of a move in which the fingers are observed, in seconds.
 const LONGEST_S: f64 = 0.5;
 
 /// Latency of one move.
@@ -32,20 +32,20 @@ const LONGEST_S: f64 = 0.5;
 pub struct MoveLatency {
     /// The recording.
     pub recording: PathBuf,
-    /// When the move was commanded to start, on the cell's clock.
+    /// Commanded start of the move, on the cell's clock.
     pub start_s: f64,
-    /// How long the fingers took to begin it.
+    /// Time from the start to the first motion of the fingers.
     pub latency_s: f64,
 }
 
 /// Moves that tell no latency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct UnusedMoves {
-    /// Their command arrived after their start: they start then, which is not recorded.
+    /// Moves whose command arrived after their start: the true start is not recorded.
     pub late: usize,
     /// The fingers did not rest where they had been sent before.
     pub not_at_rest: usize,
-    /// They were not seen to move, or should not.
+    /// Moves without a motion of the fingers, observed or commanded.
     pub not_moved: usize,
 }
 
@@ -56,9 +56,9 @@ pub struct GripperLatency {
     pub median_s: f64,
     /// The quartiles: half of the moves are between them.
     pub quartiles_s: [f64; 2],
-    /// What was measured, move by move.
+    /// Latency of each measured move.
     pub moves: Vec<MoveLatency>,
-    /// What could not be.
+    /// Moves that could not be measured.
     pub unused: UnusedMoves,
 }
 
@@ -102,11 +102,11 @@ struct SensedWidth {
 struct StartedMove {
     start_s: f64,
     width_m: f64,
-    /// Whether its command arrived before its start.
+    /// True if the command arrived before its start.
     is_timely: bool,
 }
 
-/// What a recording tells of the gripper.
+/// Recorded moves and widths of the gripper.
 #[derive(Debug)]
 struct RecordedMoves {
     fingers: Closing,
@@ -170,7 +170,7 @@ impl RecordedMoves {
         (is_near(earlier.width_m) && sent_to_m.is_none_or(is_near)).then_some(last.width_m)
     }
 
-    /// When the fingers began to move from `rest_m` toward `target_m`.
+    /// Finds the time at which the fingers began to move from `rest_m` toward `target_m`.
     fn onset_s(&self, [start_s, until_s]: [f64; 2], rest_m: f64, target_m: f64, step_m: f64) -> Option<f64> {
         let sensed = self.widths.iter().filter(|it| it.time_s > start_s && it.time_s <= until_s);
         let onsets = sensed.filter_map(|it| {
@@ -184,7 +184,7 @@ impl RecordedMoves {
 /// Follows which commanded moves start.
 #[derive(Debug)]
 struct MoveFollower {
-    /// From an observation until the command that answers it arrives.
+    /// Time from an observation to the arrival of the command that answers it.
     command_latency_s: f64,
     queue: GripperQueue,
     arrived_s: f64,
@@ -200,10 +200,10 @@ impl MoveFollower {
     fn tick(&mut self, time_s: f64, command: &Command) {
         let arrival_s = time_s + self.command_latency_s;
         while let Some(order) = self.queue.take_due(arrival_s, |start_s| start_s) {
-            // What had to start before its command arrived would else have been taken out by then.
+            // A move that had to start before its command arrived would else have been taken out by then.
             let is_timely = order.start_s > self.arrived_s;
             let it = StartedMove { start_s: order.start_s.max(self.arrived_s), width_m: order.width_m, is_timely };
-            // Of those that start together the last one wins, and one that is commanded again changes
+            // The last of the moves that start together wins, and one that is commanded again changes
             // nothing.
             self.started.pop_if(|last| last.start_s >= it.start_s);
             if self.started.last().is_none_or(|last| (last.width_m - it.width_m).abs() > REST_M) {

@@ -14,7 +14,7 @@ pub struct RecordedSurface {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// The same before it has been checked.
+/// Fields of a surface before they are checked.
 #[derive(Deserialize)]
 struct SurfaceFields {
     vertices_m: Vec<[f32; 3]>,

@@ -24,16 +24,16 @@ const STATES_S: f64 = 5e-4;
 pub struct RecordedThrow {
     /// The recording's file; the file of wall times lies beside it.
     pub recording: PathBuf,
-    /// Its story.
+    /// Timeline of the throw.
     pub timeline: Vec<Entry>,
     /// The outcome.
     pub verdict: Verdict,
-    /// What was drawn for it.
+    /// Conditions drawn for the throw.
     pub conditions: Option<ThrowConditions>,
     /// Wall time of the brain's stages.
     pub stopwatch: Stopwatch,
-    /// When the first image was left out of the recording, which has no room for more; `None` where it has
-    /// all of them.
+    /// Time of the first image that was left out of the recording, which has no room for more; `None` where
+    /// it has all of them.
     pub images_until_s: Option<f64>,
 }
 

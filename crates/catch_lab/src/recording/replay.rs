@@ -8,23 +8,23 @@ use serde::Serialize;
 
 use crate::{VERSION, recording::LabReader, scenario::setup::Scene};
 
-/// What came of a replay.
+/// Result of a replay.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Replay {
     /// Version of the program that replayed.
     pub version: String,
     /// Version of the program that recorded.
     pub recorded_version: String,
-    /// What it is a recording of.
+    /// Title of the recording.
     pub title: String,
-    /// Which throw; `None` for a real cell.
+    /// Scene of the throw; `None` for a real cell.
     pub scene: Option<Scene>,
     /// Number of ticks that were compared.
     pub ticks: usize,
-    /// When the first image is missing, from where on nothing can be compared; `None` where the recording has
+    /// Time of the first missing image, after which nothing can be compared; `None` where the recording has
     /// all.
     pub images_until_s: Option<f64>,
-    /// Whether all commands that were compared are identical.
+    /// True if all commands that were compared are identical.
     pub identical: bool,
     /// The first difference.
     pub difference: Option<Difference>,

@@ -23,9 +23,9 @@ pub struct ThrowTimes {
 /// Wall times of one tick.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TickTimes {
-    /// When, on the cell's clock.
+    /// Time on the cell's clock.
     pub time_s: f64,
-    /// What each stage took, in milliseconds, in the order of the pipeline.
+    /// Duration of each stage in milliseconds, in the order of the pipeline.
     pub stage_ms: Vec<(String, f64)>,
 }
 

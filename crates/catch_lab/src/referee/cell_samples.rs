@@ -11,7 +11,7 @@ use super::{
 /// The state of a cell at one instant, as far as the rule needs it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CellSample {
-    /// When, in seconds on the cell's clock.
+    /// Time in seconds on the cell's clock.
     pub time_s: f64,
     /// Pose of the gripper.
     pub X_WG: Pose,
@@ -23,12 +23,12 @@ pub struct CellSample {
     pub commanded_width_m: f64,
     /// Joint velocities in rad/s.
     pub dq: JointVector,
-    /// Whether the object touches left finger, right finger, palm, arm, floor, an obstacle.
+    /// Contacts of the object with left finger, right finger, palm, arm, floor, an obstacle.
     pub touches: [bool; 6],
 }
 
-/// Why an object was not caught and held, by the rule that the arena's throws are judged by; `None` if it
-/// was. The world shakes from `disturbed_since_s` on. Broken limits of the arm are left out.
+/// Returns the reason why an object was not caught and held, by the rule for the arena's throws; `None` if it
+/// was. The disturbance test begins at `disturbed_since_s`. Broken limits of the arm are left out.
 pub fn why_not_held(samples: &[CellSample], disturbed_since_s: Option<f64>) -> Option<Reason> {
     let samples = samples.iter().map(TruthSample::from).collect();
     let truth = Truth { samples, disturbed_since_s, ..Truth::default() };
@@ -46,7 +46,7 @@ pub fn why_not_held(samples: &[CellSample], disturbed_since_s: Option<f64>) -> O
 }
 
 impl From<&CellSample> for TruthSample {
-    /// With zeros for what the rule does not need.
+    /// Converts a sample, with zeros for the fields that the rule does not need.
     fn from(sample: &CellSample) -> Self {
         let CellSample { time_s, X_WG, X_WO, width_m, commanded_width_m, dq, touches } = *sample;
         let [left_finger, right_finger, palm, arm, floor, obstacle] = touches;

@@ -9,9 +9,9 @@ use crate::trial::StateSnapshot;
 /// A camera that the brain says is at fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FaultyCamera {
-    /// Its number in the rig, from 0 on.
+    /// Index of the camera in the rig, from 0 on.
     pub camera: usize,
-    /// What is wrong with it.
+    /// Fault of the camera.
     pub status: CameraStatus,
 }
 
@@ -28,7 +28,7 @@ pub fn faulty_cameras(snapshots: &[StateSnapshot]) -> Vec<FaultyCamera> {
     faulty.map(|(camera, status)| FaultyCamera { camera, status }).collect()
 }
 
-/// How many cameras were said to be at fault, as measures of a throw without any other.
+/// Counts the cameras that the brain reported as faulty, as measures without any other.
 pub(super) fn counted(snapshots: &[StateSnapshot]) -> Measures {
     let faulty = faulty_cameras(snapshots);
     let said = |status: CameraStatus| faulty.iter().filter(|it| it.status == status).count() as u32;

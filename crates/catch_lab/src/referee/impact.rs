@@ -4,20 +4,20 @@ use catch_body::{JointVector, Robot, dynamics::gravity};
 use catch_sim::{ThrownObject, Truth, TruthSample};
 use nalgebra::{Vector3, Vector6};
 
-/// From the first contact on: how long the object is taken to come to rest in the hand. An impact itself is
-/// over in one step.
+/// Time from the first contact to the object at rest in the hand, in seconds. An impact itself is over in one
+/// step.
 const IMPACT_S: f64 = 0.02;
 
-/// What the gripper and the arm felt of the object in the first 20 ms after the first contact.
+/// Impulse of the object on the gripper and the arm in the first 20 ms after the first contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Impact {
     /// Magnitude of the impulse, in N·s. Fingers that squeeze cancel out.
     pub impulse_ns: f64,
-    /// What it is at the joints, Jᵀ·(impulse and its moment), the largest of any joint, in N·m·s.
+    /// Joint impulse Jᵀ·(impulse and its moment), the largest of any joint, in N·m·s.
     pub joint_impulse_nms: f64,
 }
 
-/// Of the object that first touched the gripper at `contact_s`. The air is left out.
+/// Computes the impact of the object that first touched the gripper at `contact_s`. The air is left out.
 pub(super) fn impact(truth: &Truth, contact_s: f64, object: &ThrownObject, robot: &Robot) -> Impact {
     let (mut impulse, mut joint_impulse) = (Vector3::zeros(), JointVector::zeros());
     let momenta = |sample: &TruthSample| {

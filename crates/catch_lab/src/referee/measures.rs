@@ -1,34 +1,33 @@
-//! What is measured of a trial besides its outcome.
+//! Measures of a trial besides its outcome.
 
 use serde::{Deserialize, Serialize};
 
 use crate::trial::StateSnapshot;
 
-/// How long before the catch predictions are compared with the truth, in seconds.
+/// Times before the catch at which predictions are compared with the truth, in seconds.
 pub const LEADS_S: [f64; 5] = [0.5, 0.4, 0.3, 0.2, 0.1];
 
 /// Figures of a trial that explain its outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Measures {
-    /// How far off the object's position at the catch was predicted, by the last prediction before it.
+    /// Error of the object's position at the catch in the last prediction before it.
     pub prediction_error_m: Option<f64>,
-    /// How far off its orientation at the catch was predicted by then, turns under which it looks the same
-    /// aside.
+    /// Error of the object's orientation at the catch in the last prediction before it, modulo rotations
+    /// under which the object looks the same.
     #[serde(default)]
     pub prediction_rotation_error_rad: Option<f64>,
-    /// How far off it was predicted [`LEADS_S`] before the catch, where there was a prediction by then.
+    /// Errors of the position predicted [`LEADS_S`] before the catch, where there was a prediction by then.
     #[serde(default)]
     pub prediction_errors_m: [Option<f64>; LEADS_S.len()],
-    /// How far the gripper was from where the plan wants it at the catch.
+    /// Distance of the gripper from its planned position at the catch.
     pub tracking_error_m: Option<f64>,
-    /// How far the undisturbed object would have been from where the plan wants it in the gripper at the
-    /// catch.
+    /// Distance of the undisturbed object at the catch from its planned position in the gripper.
     pub grasp_offset_m: Option<f64>,
-    /// How far it would have been turned from how the plan wants it there, turns under which it looks the
-    /// same aside.
+    /// Rotation of the undisturbed object at the catch from its planned orientation in the gripper, modulo
+    /// rotations under which the object looks the same.
     pub grasp_rotation_error_rad: Option<f64>,
-    /// How long after the undisturbed object's centre would have been nearest the grasp centre the instant
-    /// midway between the first contacts of the two fingers was.
+    /// Time from the undisturbed object's closest approach to the grasp centre to the instant midway between
+    /// the first contacts of the two fingers.
     #[serde(default)]
     pub contact_delay_s: Option<f64>,
     /// Speed of the object relative to the gripper at the catch.
@@ -42,13 +41,13 @@ pub struct Measures {
     /// Width of the object between the fingers in the planned grasp.
     #[serde(default)]
     pub grasp_width_m: Option<f64>,
-    /// How much farther from the palm than the grasp centre the object's centre is in the planned grasp.
+    /// Distance of the object's centre beyond the grasp centre, away from the palm, in the planned grasp.
     #[serde(default)]
     pub grasp_overhang_m: Option<f64>,
     /// "Strength" of the planned grasp: the centre's distance from the gripper's y axis.
     #[serde(default)]
     pub grasp_strength_m: Option<f64>,
-    /// Whether the plan lets the object in without touching the open gripper.
+    /// Set if the object enters the open gripper on the planned approach without contact.
     #[serde(default)]
     pub approach_is_free: Option<bool>,
     /// Sum over the joints of how far each moved from the ready pose to the catch.
@@ -60,7 +59,7 @@ pub struct Measures {
     /// The object's impulse on the gripper in the first 20 ms after the first contact, in N·s.
     #[serde(default)]
     pub catch_impulse_ns: Option<f64>,
-    /// What that is at the joints, the largest of any joint, in N·m·s.
+    /// Largest joint impulse Jᵀ·(impulse of the catch and its moment), of any joint, in N·m·s.
     #[serde(default)]
     pub catch_joint_impulse_nms: Option<f64>,
     /// Highest velocity of a joint over its limit, impacts included.
@@ -75,13 +74,13 @@ pub struct Measures {
     /// Highest torque asked of a motor over its limit by then.
     #[serde(default)]
     pub flight_torque_ratio: f64,
-    /// How long a motor's torque was clamped.
+    /// Duration for which a motor's torque was clamped.
     pub torque_clamped_s: f64,
     /// Trajectories that came too late.
     pub late_trajectories: u32,
     /// Trajectories rejected for other reasons.
     pub rejected_trajectories: u32,
-    /// Those of them that were discontinuous.
+    /// Rejected trajectories that were discontinuous.
     #[serde(default)]
     pub discontinuous_trajectories: u32,
     /// Programs and factorizations of the brain that failed though nothing was infeasible.
@@ -108,7 +107,7 @@ pub struct Measures {
     pub swapped_cameras: u32,
 }
 
-/// What the brain counted in the throw up to its last tick.
+/// Returns the brain's count of numerical failures in the throw up to its last tick.
 pub(super) fn numerical_failures(snapshots: &[StateSnapshot]) -> u32 {
     let last = snapshots.iter().rev().find_map(|it| it.report.as_ref());
     last.map_or(0, |report| report.numerical_failures.prediction + report.numerical_failures.planning)

@@ -1,4 +1,4 @@
-//! Why an object was not caught: one reason per trial, from the truth.
+//! Reason why an object was not caught: one per trial, from the truth.
 
 use std::fmt::Display;
 
@@ -20,7 +20,7 @@ const CLOSED_TOO_FAR_M: f64 = 2e-3;
 /// Fingers that have moved less than this have not begun to close.
 const STILL_OPEN_M: f64 = 2e-3;
 
-/// Why an object was not caught.
+/// Reason why an object was not caught.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
@@ -38,7 +38,7 @@ pub enum Reason {
     OutOfReach,
     /// No way of holding the object was found.
     NoGrasp,
-    /// In every grasp it would have hit the open gripper on its approach.
+    /// The object would have hit the open gripper on its approach in every grasp.
     Blocked,
     /// No motion within the limits was found.
     NoPlan,
@@ -62,9 +62,9 @@ pub enum Reason {
     SlippedOut,
     /// The object was held and then lost.
     Dropped,
-    /// The hand took it along to the floor, or it was there before.
+    /// The hand took the object along to the floor, or the object was there before.
     HitFloor,
-    /// It was held, but the arm did not come to rest.
+    /// The object was held, but the arm did not come to rest.
     MovedOn,
 }
 
@@ -104,7 +104,7 @@ pub(crate) fn why_not_caught(evidence: &Evidence) -> Option<Reason> {
     if is_broken { Some(Reason::LimitViolation) } else { why_not_held }
 }
 
-/// The same with the arm's limits left out of account.
+/// Returns the reason why the object was not held, with the arm's limits ignored.
 pub(crate) fn why_not_held(evidence: &Evidence) -> Option<Reason> {
     let servo = &evidence.truth.servo;
     if evidence.truth.diverged_s.is_some() {
@@ -195,13 +195,13 @@ fn with_a_plan(evidence: &Evidence) -> Reason {
     }
 }
 
-/// Whether both fingers had the object when it first touched the floor.
+/// Returns whether both fingers had the object when it first touched the floor.
 fn met_the_floor_in_hand(evidence: &Evidence) -> bool {
     let at_floor = evidence.truth.samples.windows(2).find(|pair| pair[1].contact.floor);
     at_floor.is_some_and(|pair| is_squeezed(&pair[0], &pair[1]))
 }
 
-/// How long in total the object was squeezed, if long enough to have been grasped.
+/// Total time for which the object was squeezed, if long enough to have been grasped.
 fn grasped_for_s(evidence: &Evidence) -> Option<f64> {
     let samples = &evidence.truth.samples;
     let squeezed = samples.windows(2).filter(|pair| pair[1].contact.gripper() && is_squeezed(&pair[0], &pair[1]));

@@ -9,9 +9,9 @@ const CLOSED_SPEED_MPS: f64 = 0.005;
 /// squeezes: an impact moves the fingers of an open one as far.
 const CLOSING_BY_M: f64 = 1e-3;
 
-/// Whether the object is squeezed: the gripper is commanded to be narrower than it is, and both fingers
-/// press, or one finger and the palm with the gripper closed upon it. A part that touches presses: contact is
-/// an impulse above zero.
+/// Returns whether the object is squeezed: the gripper is commanded to be narrower than it is, and both
+/// fingers press, or one finger and the palm with the gripper closed upon it. A part that touches presses:
+/// contact is an impulse above zero.
 pub(crate) fn is_squeezed(before: &TruthSample, now: &TruthSample) -> bool {
     let (left, right) = (now.contact.left_finger, now.contact.right_finger);
     let finger_speed = (now.width_m - before.width_m).abs() / (now.time_s - before.time_s);
@@ -38,8 +38,8 @@ pub(super) fn sample_before(truth: &Truth, time_s: f64) -> Option<&TruthSample> 
     truth.samples.get(next.checked_sub(1)?)
 }
 
-/// Where the object's O would have been at `time_s` if nothing had touched it: from its last free state on
-/// without air, which does nothing in the milliseconds that this bridges.
+/// Position of the object's O at `time_s` if nothing had touched it: from its last free state on without air,
+/// whose effect is negligible over these milliseconds.
 pub fn undisturbed_position(truth: &Truth, object: &ThrownObject, time_s: f64) -> Option<Point3<f64>> {
     let free_until = truth.samples.iter().position(|sample| sample.contact.any()).unwrap_or(truth.samples.len());
     let free = &truth.samples[..free_until];

@@ -20,7 +20,7 @@ pub fn read(file: &str, text: &str) -> Result<Vec<CameraModel>, InputError> {
     Err(InputError::new(file, "width_px × height_px", format!("{pixels} pixels"), expected))
 }
 
-/// Whether all cameras stand outside of the arm's base and of the obstacles; `file` is the rig's.
+/// Checks that all cameras stand outside of the arm's base and of the obstacles; `file` is the rig's.
 ///
 /// # Errors
 /// If one does not: it would see nothing else.

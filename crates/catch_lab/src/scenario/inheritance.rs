@@ -42,7 +42,7 @@ fn extended_after(asset: &Asset, before: &mut Vec<String>) -> Result<Table, Inpu
         return Err(fault(format!("`{name}`"), "a scenario that does not extend this one in turn"));
     }
     let mut below = extended_after(&base, before)?;
-    // Its own faults bear its own name.
+    // The file's own faults bear its own name.
     let mut complete = below.clone();
     depth_errors::fill_in(&mut complete, &base.file)?;
     let (scenario, faults): (Scenario, _) = InputError::from_table(&base.file, complete)?;

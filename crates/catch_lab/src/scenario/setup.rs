@@ -1,4 +1,4 @@
-//! What a trial needs, read and checked: the scenario and every file that it names.
+//! Setup of a trial, read and checked: the scenario and every file that it names.
 
 mod assumptions;
 pub mod calibration;
@@ -31,7 +31,7 @@ use crate::{
 };
 use catch_recording::{brain::Method, sources::Sources, whole_file::COMMAND_LINE};
 
-/// What somebody asks for: a scenario, and what is to be different from its file.
+/// Choice of a scenario, and changes to its file.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Choice<'a> {
     /// Name or file; `None` is [`DEFAULT_SCENARIO`].
@@ -46,7 +46,7 @@ pub struct Choice<'a> {
     pub object: Option<&'a str>,
     /// Name or file.
     pub throw: Option<&'a str>,
-    /// Whose method catches.
+    /// Method that catches.
     pub method: Option<Method>,
     /// Single fields of the scenario, as [`Scenario::with_settings`] takes them.
     pub settings: &'a [String],
@@ -81,11 +81,11 @@ pub struct Setup {
     pub gripper: Gripper,
     /// The cameras as they are.
     pub cameras: Vec<CameraModel>,
-    /// What is thrown.
+    /// Object that is thrown.
     pub object: ThrownObject,
-    /// How it is thrown.
+    /// Throw of the object.
     pub throw: Throw,
-    /// What is known of it.
+    /// Model of the object that the brain is given.
     pub known_object: KnownObject,
     /// Texts of the files that the brain depends on.
     pub sources: Sources,
@@ -93,7 +93,7 @@ pub struct Setup {
     equipment: OnceLock<Equipment>,
     /// Made when it is first needed.
     known: OnceLock<Arc<Preparation>>,
-    /// The same with calibrated cameras.
+    /// Preparation with calibrated cameras, for each seed. Made when it is first needed.
     known_calibrated: BySeed<Preparation>,
     calibrations: BySeed<CalibratedCameras>,
 }
@@ -171,7 +171,7 @@ impl Setup {
         Ok(setup)
     }
 
-    /// If the brain knows no way of holding the object: why.
+    /// Returns the reason why the brain has no grasp of the object, if so.
     pub fn without_grasps(&self) -> Option<String> {
         Some(self.known().grasps()).filter(|it| it.grasps.is_empty()).map(|it| self.why_without_grasps(it))
     }
@@ -206,7 +206,7 @@ impl Setup {
         Scene { scenario: name.clone(), object: object.clone(), throw: throw.clone(), seed, index }
     }
 
-    /// The same with another throw, by name or file; what has been prepared is shared.
+    /// Returns this setup with another throw, by name or file; the preparation is shared.
     ///
     /// # Errors
     /// As [`load`](Self::load).
@@ -216,7 +216,7 @@ impl Setup {
         Ok(self.with_throw(asset.name, throw))
     }
 
-    /// The same with a throw that is given; what has been prepared is shared.
+    /// Returns this setup with the given throw; the preparation is shared.
     pub fn with_throw(&self, name: String, throw: Throw) -> Self {
         self.prepare();
         let mut other = self.clone();
@@ -244,12 +244,12 @@ impl Setup {
         Arena::new(self.equipment(), &self.release(seed, index), &self.robot.ready_q, seed, index)
     }
 
-    /// What differs from throw to throw besides the throw itself.
+    /// Draws the conditions that differ from throw to throw besides the throw itself.
     pub fn conditions(&self, seed: u64, index: u64) -> Conditions {
         Conditions::draw(&self.scenario.arena, &self.object, seed, index)
     }
 
-    /// Whether all throws are the same in everything that is drawn.
+    /// Returns whether all throws are the same in everything that is drawn.
     pub fn repeats_itself(&self) -> bool {
         let Scenario { arena, clock, .. } = &self.scenario;
         let scene = |index| (self.release(0, index), self.conditions(0, index));
@@ -265,11 +265,11 @@ impl Setup {
         !has_own_stream && scene(0) == scene(1)
     }
 
-    /// How the object leaves the thrower's hand.
+    /// Draws the release of the object from the thrower's hand.
     pub fn release(&self, seed: u64, index: u64) -> Release {
         self.throw.release(&self.object.name, &self.conditions(seed, index), seed, index)
     }
 }
 
-/// Why a setup's settings are right.
+/// Reason why a setup's settings are valid.
 pub(super) const CHECKED: &str = "settings are checked when a scenario is read";

@@ -1,4 +1,4 @@
-//! What the report of a study needs: its steps, and what became of the throws in each.
+//! Data for the report of a study: its steps, and the results of the throws in each.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ pub struct Outline {
     pub version: String,
     /// Name of the study.
     pub study: String,
-    /// What it is, in a sentence.
+    /// Description of the study, in a sentence.
     pub description: String,
     /// Seed of everything random.
     pub seed: u64,
@@ -32,9 +32,9 @@ pub struct Outline {
 pub struct StepHead {
     /// Name, that of its folder.
     pub name: String,
-    /// What it changes, in words.
+    /// Description of the change, in words.
     pub about: String,
-    /// Whether its overlay is laid upon the scenario alone, without those before it.
+    /// True if its overlay is laid upon the scenario alone, without those before it.
     pub alone: bool,
 }
 
@@ -42,7 +42,7 @@ pub struct StepHead {
 const FILE: &str = "study.toml";
 
 impl Outline {
-    /// Whether a folder holds a study.
+    /// Returns whether a folder holds a study.
     pub fn is_in(folder: &Path) -> bool {
         folder.join(FILE).is_file()
     }
@@ -73,7 +73,7 @@ impl Outline {
         whole_file::write(&path, text)
     }
 
-    /// Whether a folder holds results of the same study.
+    /// Checks that a folder holds results of the same study.
     ///
     /// # Errors
     /// If it does not.
@@ -86,21 +86,21 @@ impl Outline {
     }
 }
 
-/// What became of the throws of a step.
+/// Results of the throws of a step.
 #[derive(Debug, Clone, Serialize)]
 pub struct StepSummary {
     /// Name of the step.
     pub step: String,
-    /// What it changes, in words.
+    /// Description of the change, in words.
     pub about: String,
-    /// Whether its overlay is laid upon the scenario alone.
+    /// True if its overlay is laid upon the scenario alone.
     #[serde(skip)]
     pub alone: bool,
     /// Each object, all its throws together.
     pub objects: Vec<ObjectSummary>,
 }
 
-/// What became of one object in a step.
+/// Results of one object in a step.
 #[derive(Debug, Clone, Serialize)]
 pub struct ObjectSummary {
     /// All its throws together.

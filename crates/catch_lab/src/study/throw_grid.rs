@@ -15,7 +15,7 @@ use crate::{
     scenario::setup::Setup,
 };
 
-/// Where throws come from, and how fast.
+/// Grid of throws: distances and speeds of the release.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ThrowGrid {
@@ -28,10 +28,11 @@ pub struct ThrowGrid {
 /// One distance and speed.
 #[derive(Debug, Clone, Serialize)]
 pub struct GridPoint {
-    /// What became of its throws.
+    /// Summary of its throws.
     #[serde(flatten)]
     pub summary: CellSummary,
-    /// How far the object would have been from where the plan wants it in the gripper, in the middle.
+    /// Median over throws of the distance of the undisturbed object at the catch from its planned position in
+    /// the gripper.
     pub median_grasp_offset_m: Option<f64>,
 }
 
@@ -40,16 +41,16 @@ const RELEASE_M: f64 = 1.2;
 /// The place is sought up to this time after the release, in seconds, in such steps.
 const FLIGHT_S: f64 = 2.0;
 const STEP_S: f64 = 1e-3;
-/// And above this height, in metres.
+/// Lowest height of that place, in metres.
 const LEAST_HEIGHT_M: f64 = 0.3;
 
-/// What results call a throw of the grid.
+/// Returns the name of a throw of the grid in results.
 fn name(distance_m: f64, speed_mps: f64) -> String {
     format!("{distance_m}m_{speed_mps}mps")
 }
 
 impl ThrowGrid {
-    /// Whether there are distances and speeds.
+    /// Checks that there are distances and speeds.
     ///
     /// # Errors
     /// A list without a value, or with one that is out of range; `file` names the study.
@@ -79,7 +80,7 @@ impl ThrowGrid {
         })
     }
 
-    /// What became of the throws of an object: row by row of the distances, one entry per speed.
+    /// Summarizes the throws of an object: row by row of the distances, one entry per speed.
     pub fn summarize(&self, object: &str, rows: &[&Row], throw_is_fixed: bool) -> Vec<Vec<Option<GridPoint>>> {
         let point = |distance_m: f64, speed_mps: f64| {
             let name = name(distance_m, speed_mps);
@@ -103,7 +104,8 @@ fn throw(setup: &Setup, distance_m: f64, speed_mps: f64) -> Option<Throw> {
     Some(setup.throw.moved(&p_WO, &v_WO))
 }
 
-/// Where a throw comes nearest to a vertical axis through `base`, and in which horizontal direction.
+/// Finds the point at which a throw is nearest to a vertical axis through `base`, and its horizontal
+/// direction there.
 fn nearest(p: &Point3<f64>, v: &Vector3<f64>, base: &Vector3<f64>) -> Option<(Point3<f64>, Vector3<f64>)> {
     let at = |time_s: f64| p + v * time_s + gravity() * (0.5 * time_s * time_s);
     let steps = (FLIGHT_S / STEP_S) as usize;

@@ -13,7 +13,7 @@ pub const MOST_OFFSET_RAD: f64 = 0.1;
 const FREQUENCY_RADPS: f64 = 20.0;
 /// Ratio of the acceleration limits that it takes at most.
 const ACCELERATION_FRACTION: f64 = 0.3;
-/// What is tried of it; then the offset's motion brakes.
+/// Fractions of the offset that are tried in this order; then the offset's motion brakes.
 const FRACTIONS: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
 /// The arm comes no nearer than this to itself and its surroundings, in metres, unless the brain's motion
 /// does.
@@ -32,19 +32,20 @@ const SAME_TIME_S: f64 = 1e-9;
 #[derive(Debug)]
 pub struct ResidualMotion {
     steering: Steering,
-    /// With the gripper.
+    /// Model of the arm with the gripper.
     robot: Robot,
     max_width_m: f64,
-    /// What the brain believes to be executed, oldest first, with identifiers; the first holds the arm.
+    /// Trajectories that the brain believes to be executed, oldest first, with identifiers; the first holds
+    /// the arm.
     planned: Vec<(Option<TrajectoryId>, BSpline)>,
-    /// What was sent instead.
+    /// Trajectories that were sent instead.
     sent: Vec<(Option<TrajectoryId>, BSpline)>,
     last_id: u64,
     has_offset: bool,
 }
 
 impl ResidualMotion {
-    /// For an arm that rests at `q`, with offsets that change every `period_s`.
+    /// Creates the motion of an arm that rests at `q`, with offsets that change every `period_s`.
     pub fn new(robot: &Robot, gripper: &Gripper, period_s: f64, q: &JointVector) -> Self {
         let held = vec![(None, BSpline::at_rest(0.0, *q))];
         Self {
@@ -121,8 +122,8 @@ impl ResidualMotion {
         })
     }
 
-    /// Whether the arm keeps its distances and room for a hit until it is at rest, or as much as the brain's
-    /// motion where that keeps less.
+    /// Returns whether the arm keeps its distances and room for a hit until it is at rest, or as much as the
+    /// brain's motion where that keeps less.
     fn keeps_room(&self, motion: &BSpline, planned: &BSpline) -> bool {
         let least_m = |it: &BSpline, time_s: f64| {
             least_clearance_m(&self.robot, self.steering.clearance(), self.max_width_m, &it.setpoint(time_s).q)

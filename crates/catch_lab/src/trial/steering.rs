@@ -6,14 +6,14 @@ use catch_cell::{BSpline, LimitKind, Setpoint, executor::PeakRatios};
 
 /// Ratios of the limits that are used: room for what the controller needs to follow.
 const USED: LimitScale = LimitScale { velocity: 0.95, acceleration: 0.9, torque: 0.85, jerk: 0.95 };
-/// What is tried of a wanted acceleration, joint by joint; then the joint brakes.
+/// Fractions of a wanted acceleration that are tried in this order, joint by joint; then the joint brakes.
 const FRACTIONS: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
 /// Rounds of trying.
 const TRIES: usize = 12;
 /// The arm keeps this far from itself and its surroundings, in metres, where it is looked at: once a period.
 /// Who begins nearer comes no nearer.
 const CLEARANCE_M: f64 = 0.04;
-/// How far the surface of an arm is from the line through its joints at most, in metres.
+/// Largest distance of the surface of an arm from the line through its joints, in metres.
 const SURFACE_M: f64 = 0.2;
 /// Spans of the braking.
 const BRAKING_SPANS: usize = 3;
@@ -26,7 +26,7 @@ const BRAKING_SPANS: usize = 3;
 /// other is.
 #[derive(Debug, Clone)]
 pub struct Steering {
-    /// With the gripper, and the limits that are used.
+    /// Model of the arm with the gripper, and the limits that are used.
     robot: Robot,
     clearance: ArmClearance,
     max_width_m: f64,
@@ -39,7 +39,7 @@ pub struct Steering {
 }
 
 impl Steering {
-    /// Of an arm with a gripper, for actions every `period_s`.
+    /// Creates the steering of an arm with a gripper, for actions every `period_s`.
     pub fn new(robot: &Robot, gripper: &Gripper, period_s: f64) -> Self {
         let clearance = ArmClearance::new(robot, gripper);
         let links_m = robot.joints.iter().skip(1).map(|joint| joint.X_PL.translation.vector.norm());
@@ -65,7 +65,7 @@ impl Steering {
         self.of_joints(|i| self.robot.joints[i].limits.velocity)
     }
 
-    /// How often actions come, in seconds.
+    /// Returns the period of actions, in seconds.
     pub(super) fn period_s(&self) -> f64 {
         self.period_s
     }
@@ -112,7 +112,7 @@ impl Steering {
         None
     }
 
-    /// Whether the arm keeps its distances until it is at rest, the gripper open.
+    /// Returns whether the arm keeps its distances until it is at rest, with the gripper open.
     fn keeps_clear(&self, motion: &BSpline) -> bool {
         let start_s = motion.start_s();
         let at = |look: u32| motion.setpoint(start_s + f64::from(look) * self.period_s).q;
@@ -162,7 +162,7 @@ impl Steering {
     }
 }
 
-/// How far the arm with its gripper open is from itself and its surroundings, in metres.
+/// Distance of the arm with its gripper open from itself and its surroundings, in metres.
 pub(super) fn least_clearance_m(robot: &Robot, clearance: &ArmClearance, max_width_m: f64, q: &JointVector) -> f64 {
     let X_WL = robot.link_poses(q);
     clearance.self_clearance(&X_WL, max_width_m).min(clearance.environment_clearance(&X_WL, max_width_m))

@@ -15,13 +15,13 @@ pub struct Stopwatch {
     started: Instant,
     /// Stage by stage in the order of the pipeline: how often it took how many units.
     laps: Vec<(&'static str, Laps)>,
-    /// Those of the last tick.
+    /// Laps of the last tick.
     newest: Vec<(&'static str, u32)>,
     /// The whole of the last tick.
     whole: Duration,
 }
 
-/// How often which lap was measured, in units of 0.1 µs. Evaluations measure millions, few of which differ
+/// Number of laps of each duration, in units of 0.1 µs. Evaluations measure millions, few of which differ
 /// after rounding.
 type Laps = BTreeMap<u32, usize>;
 
@@ -50,12 +50,12 @@ impl Stopwatch {
         *self.laps_of(WHOLE_TICK).entry(units(lap)).or_default() += 1;
     }
 
-    /// What the whole of the last tick took, in seconds.
+    /// Returns the duration of the whole of the last tick, in seconds.
     pub fn last_tick_s(&self) -> f64 {
         self.whole.as_secs_f64()
     }
 
-    /// What each stage took in the last tick, in milliseconds, in the order of the pipeline.
+    /// Returns the duration of each stage in the last tick, in milliseconds, in the order of the pipeline.
     pub fn last_tick_ms(&self) -> Vec<(&'static str, f64)> {
         self.newest.iter().map(|&(stage, lap)| (stage, f64::from(lap) / 1e4)).collect()
     }
@@ -112,7 +112,7 @@ fn units(lap: Duration) -> u32 {
 /// Wall time of one stage, over all ticks in which it ran.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StageTimes {
-    /// How often it ran.
+    /// Number of runs.
     pub count: usize,
     /// Median in milliseconds.
     pub p50_ms: f64,

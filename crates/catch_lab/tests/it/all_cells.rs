@@ -51,8 +51,8 @@ fn a_catch_needs_an_arm_at_rest_and_no_floor() {
     assert_eq!(referee::judge(&setup, &trial).reason, Some(Reason::HitFloor));
 }
 
-/// Whether the object lies in the hand at the end and has touched nothing else: seen in the truth, by none of
-/// the referee's rules.
+/// Returns whether the object lies in the hand at the end and has touched nothing else, from the truth,
+/// without the referee's rules.
 fn is_in_hand_at_the_end(truth: &Truth, grasp_centre_G: &Point3<f64>) -> bool {
     let end = truth.samples.last().unwrap();
     let p_GO = end.X_WG.inverse_transform_point(&end.X_WO.translation.vector.into());

@@ -17,7 +17,7 @@ fn setup() -> Setup {
 
 const TICKS: usize = 60;
 
-/// What is sensed in a throw while the brain of the scenario catches.
+/// Records the observations of a throw while the brain of the scenario catches.
 fn sensed(setup: &Setup) -> Vec<Observation> {
     let (mut arena, mut brain) = (setup.arena(3, 1), setup.brain(3, 1));
     let tick = |_| {
@@ -131,7 +131,7 @@ fn a_hand_does_not_close_for_an_arm_that_refuses() {
             let Ok(()) = arena.act(&Command { arm: None, ..command });
         }
         assert!(closings > 0, "{object}: nothing was planned");
-        // As the drive follows: a finger's set-point and its place differ by less than this.
+        // The drive follows: a finger's set-point and its place differ by less than this.
         assert!(width_m > aperture_m - 0.002, "{object}: the fingers are {width_m} m apart, not {aperture_m} m");
     }
 }

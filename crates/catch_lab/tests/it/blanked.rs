@@ -7,10 +7,10 @@ use catch_lab::scenario::setup::{Choice, Setup};
 use catch_sim::Arena;
 use nalgebra::Vector3;
 
-/// When the cameras go dark, before the catch.
+/// Time before the catch at which the cameras go dark, in seconds.
 const DARK_FOR_S: f64 = 0.1;
 
-/// How the frames change shortly before the catch.
+/// Change of the frames shortly before the catch.
 #[derive(Clone, Copy, PartialEq)]
 enum Cameras {
     Dark,

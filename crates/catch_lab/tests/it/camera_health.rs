@@ -52,7 +52,7 @@ fn a_camera_that_fails_is_named_and_the_others_go_on() {
 
 #[test]
 fn good_cameras_are_not_named() {
-    // What stands around the arm is part of what a camera is expected to see.
+    // Obstacles around the arm are part of the image that a camera is expected to have.
     let among_obstacles = ["workcell=table_and_fence"];
     for settings in [&[][..], &NEAR[..], &["camera=perfect", "arena.depth.model=perfect"][..], &among_obstacles[..]] {
         assert_eq!(named(settings, "").0, [], "{settings:?}");

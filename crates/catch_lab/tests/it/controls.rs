@@ -14,9 +14,9 @@ use nalgebra::Vector3;
 const SEED: u64 = 5;
 const THROWS: u64 = 4;
 
-/// What the eyes of a brain see.
+/// Images that a brain is given.
 enum Eyes {
-    /// Its own throw.
+    /// The images of its own throw.
     Open,
     /// Nothing.
     Shut,
@@ -59,7 +59,7 @@ impl<B: ObservedBrain> ObservedBrain for Deceived<B> {
     }
 }
 
-/// How many of a few throws are caught.
+/// Counts the catches of a few throws.
 fn caught(setup: &Setup, eyes: impl Fn(u64) -> Eyes) -> usize {
     let is_caught = |&index: &u64| {
         let mut brain = Deceived { brain: setup.brain(SEED, index), eyes: eyes(index) };
@@ -96,8 +96,8 @@ fn without_friction_nothing_is_held() {
     }
 }
 
-/// How many of the first throws of a scenario have another verdict with a fraction of the arena's step, and
-/// how many are caught with the whole one.
+/// Counts the first throws of a scenario that have another verdict with a fraction of the arena's step, and
+/// those that are caught with the whole one.
 fn changed_by_the_step(scenario: &str, throw: &str, throws: u64, step_s: &str) -> [usize; 2] {
     let with = |step_s: &str| {
         let settings = [format!("arena.step_s={step_s}")];

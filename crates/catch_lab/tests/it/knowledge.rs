@@ -49,7 +49,7 @@ fn numbers(path: &str, value: &Value, found: &mut Vec<(String, [Value; 3])>) {
     }
 }
 
-/// Whether a throw is the same in two setups in everything that is drawn.
+/// Checks that a throw is the same in two setups in everything that is drawn.
 fn assert_same_conditions(one: &Setup, other: &Setup, what: &str) {
     for index in 0..3 {
         assert_eq!(one.conditions(SCENE.0, index), other.conditions(SCENE.0, index), "{what}");
@@ -67,7 +67,7 @@ fn no_setting_of_the_brain_changes_the_world() {
     numbers("brain", &Value::try_from(&complete).unwrap(), &mut all);
     let mut changed = 0;
     for (path, values) in all {
-        // Of some settings only one kind of change is allowed.
+        // Some settings allow only one kind of change.
         let settings = values.map(|value| vec![format!("{path}={value}")]);
         let choice = |settings| Setup::load(&Choice { scenario: Some("honest"), settings, ..Choice::default() });
         let Some(other) = settings.iter().find_map(|it| choice(it).ok()) else { continue };

@@ -1,4 +1,4 @@
-//! What fails numerically in the brain: nothing.
+//! Numerical failures in the brain: there are none.
 
 use catch_lab::{
     evaluation::{Cell, Evaluation},

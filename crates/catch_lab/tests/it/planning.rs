@@ -27,7 +27,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 pub const OBJECTS: [&str; 3] = ["tennis_ball", "banana", "pill_bottle"];
-/// When a flight is usually known first.
+/// Usual time of the first estimate of a flight, in seconds.
 const KNOWN_S: f64 = 0.07;
 
 /// Everything for planning catches of one object.
@@ -47,7 +47,7 @@ impl Desk {
         )
     }
 
-    /// For an arm that states this limit of the jerk, in rad/s³.
+    /// Creates a desk for an arm that states this limit of the jerk, in rad/s³.
     fn with_jerk(object: &str, most: f64) -> Self {
         let mut setup =
             Setup::load(&Choice { scenario: Some("paper"), object: Some(object), ..Choice::default() }).unwrap();
@@ -141,12 +141,12 @@ fn must(holds: bool, what: impl FnOnce() -> String) -> Result<(), String> {
     if holds { Ok(()) } else { Err(what()) }
 }
 
-/// What a plan does is recomputed from its spline alone: the motion first.
+/// Checks the motion of a plan, recomputed from its spline alone.
 fn moves_as_promised(desk: &Desk, start: &Start, flight: &FlightTrajectory, plan: &CatchPlan) -> Result<(), String> {
     keeps_its_word(desk, start, &(flight.pose_at(plan.catch_s) * plan.grasp.X_OG), flight, plan)
 }
 
-/// The same, and that the object's way between the fingers is free.
+/// Checks the motion of a plan, and that the object's way between the fingers is free.
 fn check(desk: &Desk, start: &Start, flight: &FlightTrajectory, plan: &CatchPlan) -> Result<(), String> {
     moves_as_promised(desk, start, flight, plan)?;
     approach_is_free(desk, flight, plan)
@@ -235,19 +235,19 @@ fn approach_is_free(desk: &Desk, flight: &FlightTrajectory, plan: &CatchPlan) ->
     Ok(())
 }
 
-/// What came of many searches and replans.
+/// Results of many searches and replans.
 #[derive(Debug, Default)]
 struct Outcomes {
     /// Plans that were found, by searches and replans.
     solved: usize,
     /// Searches that found none.
     unsolved: usize,
-    /// What is wrong with plans.
+    /// Faults of plans.
     faults: Vec<String>,
     /// Plans that were found by replans.
     replans: usize,
-    /// Those of them on whose way the fingers touch the object before they close: replans keep an aperture
-    /// although the flight has changed, searches promise a free approach.
+    /// Plans of replans on whose approach the fingers touch the object before they close: replans keep an
+    /// aperture although the flight has changed, searches promise a free approach.
     touching: usize,
 }
 
@@ -295,7 +295,7 @@ fn many(desks: &[Desk], catches: usize, seed: u64) -> Outcomes {
     outcomes
 }
 
-/// Where a catch cannot be adjusted any more, it is made a little sooner or later, or missed by less than if
+/// A catch that cannot be adjusted any more is made a little sooner or later, or missed by less than if
 /// nothing were done.
 #[test]
 fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
@@ -387,7 +387,7 @@ fn shifts_or_approaches(desk: &Desk) {
         if let Some(near) = search.nearest(&correction) {
             keeps_its_word(desk, &start, &near.X_WG, &seen, &near).unwrap();
             let wanted = seen.pose_at(plan.catch_s) * plan.grasp.X_OG;
-            // What the hand is off by along the direction of closing counts most, and a turn of it little.
+            // The hand's error along the direction of closing counts most, and its rotation little.
             let centre = desk.setup.gripper.grasp_centre();
             let missed_m = |it: &CatchPlan| {
                 let shift = wanted.rotation.inverse() * (wanted * centre - it.X_WG * centre);
@@ -410,8 +410,8 @@ fn random_catches_hold_when_recomputed() {
     assert!(outcomes.replans > 100 && 100 * outcomes.touching <= outcomes.replans, "{outcomes:?}");
 }
 
-/// The same for arms that limit the jerk, tightly and as loosely as arms of today do; the tight limit costs
-/// catches.
+/// Random catches of arms that limit the jerk, tightly and as loosely as arms of today do; the tight limit
+/// costs catches.
 #[test]
 fn random_catches_keep_limits_of_the_jerk() {
     for (most, least) in [(300.0, 30), (5000.0, 60)] {
@@ -422,7 +422,7 @@ fn random_catches_keep_limits_of_the_jerk() {
     }
 }
 
-/// As many as `CATCHINGBOT_CATCHES` says:
+/// Random catches, `CATCHINGBOT_CATCHES` of them:
 /// `cargo test --release -p catch_lab --test it as_many_random_catches -- --ignored --nocapture`.
 #[test]
 #[ignore = "takes several minutes"]

@@ -40,7 +40,7 @@ fn what_is_caught_in_one_life_is_told_apart_and_put_down() {
         assert_eq!(row.placed, Some(true), "{index}");
         assert_eq!(verdict.limit_violations, 0);
         objects.push(play.object(index as u64));
-        // The same throw as one of its own.
+        // The throw as a trial of its own.
         let alone = play.alone(index as u64);
         assert_eq!((row.row.scene.clone(), verdict.caught), (alone.scene, alone.verdict.caught));
         let (one, other) = (verdict.catch_time_s.unwrap(), alone.verdict.catch_time_s.unwrap());

@@ -176,7 +176,7 @@ fn links_lead_somewhere() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// Where the links of a page lead, but those to other hosts.
+/// Returns the targets of the links of a page, without those to other hosts.
 fn links(text: &str) -> Vec<String> {
     let text = without_blocks(text);
     let targets = text.split("](").skip(1).filter_map(|part| part.split_once(')')).map(|(target, _)| target.to_owned());

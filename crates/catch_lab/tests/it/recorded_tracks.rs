@@ -12,14 +12,14 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
-/// How a throw is made.
+/// Settings of a throw that is made.
 #[derive(Clone, Copy)]
 struct Made {
     /// Drag along the axes of the body, in 1/m.
     drag: [f64; 3],
     /// Lift s of a = s × v in the world, in 1/s.
     lift: Vector3<f64>,
-    /// Whether it tumbles and its orientation is tracked, 2 cm beside the centre of mass.
+    /// True if the object tumbles and its orientation is tracked, 2 cm beside the centre of mass.
     tumbles: bool,
     floor_m: f64,
 }

@@ -78,7 +78,7 @@ fn limits_count_once_they_are_broken() {
     assert_eq!((by_command.reason, by_command.caught), (Some(Reason::LimitViolation), false));
     assert!(by_command.caught_beyond_limits);
     assert_eq!((by_command.limit_violations, by_command.first_violation), (1, Some(VIOLATION)));
-    // What an impact does to the motion is told apart and decides nothing.
+    // The effect of an impact on the motion is reported apart and decides nothing.
     let in_motion = judged(|it| it.truth.servo.motion_violations.push(VIOLATION));
     assert!(in_motion.caught, "{in_motion:?}");
     assert_eq!((in_motion.limit_violations, in_motion.first_violation, in_motion.motion_excursions), (0, None, 1));
@@ -189,7 +189,7 @@ fn conditions_are_those_of_the_trial() {
     assert_eq!(serde_json::from_str::<catch_sim::ThrowConditions>(&text).unwrap(), told);
 }
 
-/// What is changed → the reason that it is missed for; none where it is still a catch.
+/// A changed trial has the reason of the change; none where it is still a catch.
 #[test]
 fn a_throw_that_was_held_is_lost_for_one_reason() {
     let while_held = [0.8, 0.81];
@@ -223,7 +223,7 @@ fn a_throw_that_was_held_is_lost_for_one_reason() {
     assert_eq!((slid(disturbed_s, 0.035), slid(disturbed_s, 0.06)), (None, Some(Reason::Dropped)));
 }
 
-/// What both fingers never held is missed for the first cause in the order in which things go wrong.
+/// A throw that both fingers never held is missed for the first cause in the order in which things go wrong.
 #[test]
 fn a_throw_that_was_never_held_is_missed_for_its_cause() {
     let aside = Vector3::new(0.0, 0.1, 0.0);
@@ -282,9 +282,9 @@ fn a_throw_that_was_never_held_is_missed_for_its_cause() {
     assert_eq!(meets(palm, plan.aperture_m - 0.001), Reason::ClosedLate);
     assert_eq!(meets(finger, object_m - 0.003), Reason::ClosedEarly);
     assert_eq!(meets(finger, object_m - 0.001), Reason::SlippedOut);
-    // Where the fingers meet it, it was more than 2 cm short of its place.
+    // At the contact with the fingers the object was more than 2 cm short of its place.
     assert_eq!(meets_from(catch_s() - contact_s() - 0.015, finger, object_m), Reason::ClosedEarly);
-    // What it meets after the gripper is no cause.
+    // Contacts after that with the gripper are no cause.
     let then_arm = |it: &mut Trial| {
         samples(it, [0.0, 0.01], |it| (it.contact.left_finger, it.width_m) = (true, object_m));
         samples(it, [0.02, 0.03], |it| it.contact.arm = true);
@@ -391,7 +391,7 @@ fn impulses_and_instants_of_contact_are_those_of_the_samples() {
     assert!((peak_ns - 7.0).abs() < 1e-12 && measures.peak_contact_impulse_ns < 7.0);
 }
 
-/// What the servo and the brain say is passed on.
+/// The counts of the servo and the brain are passed on.
 #[test]
 fn what_servo_and_brain_count_is_in_the_measures() {
     let by_servo = judged(|it| {

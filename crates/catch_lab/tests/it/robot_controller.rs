@@ -21,7 +21,7 @@ const HOSTILE: [&str; 4] = [
     "arena.robot_controller.declined_fraction=0.1",
 ];
 
-/// How many of 21 sampled throws are caught, and why trajectories were rejected.
+/// Counts the catches of 21 sampled throws, and lists the reasons of rejected trajectories.
 fn sampled_throws(settings: &[&str]) -> (usize, Vec<Rejection>) {
     let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();
     let (mut caught, mut rejections) = (0, Vec::new());
@@ -60,7 +60,7 @@ fn a_hostile_controller_costs_no_catches() {
     assert!(rejections.len() > 40 && rejections.iter().all(|it| *it == Rejection::Declined), "{rejections:?}");
 }
 
-/// What a brain does after a reset is what a new one does, under identifiers that have not been used.
+/// A brain after a reset returns the commands of a new one, under identifiers that have not been used.
 #[test]
 fn a_brain_that_was_reset_is_as_good_as_new() {
     let setup = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap();

@@ -12,25 +12,25 @@ use catch_lab::{
 
 use crate::source::root;
 
-/// Where a setting matters.
+/// Scenario in which a setting matters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Where {
-    /// In a throw of the scenario honest: commands of the brain and what truly happens.
+    /// A throw of the scenario honest: commands of the brain and true states.
     Honest,
-    /// In one of the paper's throws.
+    /// One of the paper's throws.
     Paper,
-    /// The same, by the paper's method as published.
+    /// One of the paper's throws, by the paper's method as published.
     AsPublished,
-    /// In the world alone, with commands that are always the same.
+    /// The world alone, with commands that are always the same.
     World,
-    /// In a life of two throws.
+    /// A life of two throws.
     Life,
-    /// In where the cameras seem to stand after a calibration.
+    /// The poses of the cameras after a calibration.
     Calibrated,
 }
 use Where::{AsPublished, Calibrated, Honest, Life, Paper, World};
 
-/// Where each setting matters, settings that it needs to matter, and another value of it.
+/// Settings: the scenario in which each matters, settings that it needs to matter, and another value of it.
 const ALL: &[(Where, &[&str], &str)] = &[
     (Honest, &[], "limit_scale.velocity=0.5"),
     (Honest, &[], "limit_scale.acceleration=0.5"),
@@ -265,7 +265,7 @@ impl Where {
     }
 }
 
-/// What an image shows.
+/// Hash of the depths and the mask of an image.
 fn hash(frame: &DepthFrame) -> u64 {
     let depths = frame.depth_m.iter().map(|it| u64::from(it.to_bits()));
     let masked = frame.mask.iter().flatten().map(|it| u64::from(*it));
@@ -273,7 +273,8 @@ fn hash(frame: &DepthFrame) -> u64 {
     depths.chain(masked).chain([u64::from(frame.mask.is_some())]).fold(0xcbf2_9ce4_8422_2325, add)
 }
 
-/// At first a jump of a joint, closing fingers and smaller images, later a motion from rest to rest.
+/// Command of a tick: at first a jump of a joint, closing fingers and smaller images, later a motion from
+/// rest to rest.
 fn command(tick: usize, setup: &Setup, now_s: f64) -> Command {
     let ready_q = setup.robot.ready_q;
     let spline = match tick {

@@ -35,14 +35,14 @@ pub fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|fault| panic!("{}: {fault}", path.display()))
 }
 
-/// Whether a file holds nothing but tests or examples: it lies in a folder of them, or its parent says
-/// `#[cfg(test)] mod …;`.
+/// Returns whether a file holds nothing but tests or examples: it lies in a folder of them, or its parent
+/// says `#[cfg(test)] mod …;`.
 pub fn is_test_file(path: &Path) -> bool {
     if path.iter().any(|folder| folder == "tests" || folder == "benches" || folder == "examples") {
         return true;
     }
     let folder = path.parent().unwrap();
-    // What belongs to a module for tests is one itself.
+    // A file of a test module is a test file, too.
     let owner = folder.with_extension("rs");
     if owner.is_file() && is_test_file(&owner) {
         return true;

@@ -67,8 +67,8 @@ fn faults<'a>(file: &Path, code: &str, words: impl Iterator<Item = &'a (&'a str,
         .collect()
 }
 
-/// Whether the words of an identifier, in either spelling, hold those of `words` in a row, the last one also
-/// in the plural.
+/// Returns whether the words of an identifier, in either spelling, hold those of `words` in a row, the last
+/// one also in the plural.
 fn contains(identifier: &str, words: &str) -> bool {
     let mut parts = vec![String::new()];
     let mut after_small = false;

@@ -1,4 +1,4 @@
-//! What the dependencies may be, by `deny.toml`: their licences go with this project's, and they come from
+//! Rules for the dependencies, from `deny.toml`: their licences go with this project's, and they come from
 //! one registry.
 
 use std::process::Command;
@@ -18,7 +18,7 @@ fn packages() -> Vec<Value> {
     metadata["packages"].as_array().unwrap().clone()
 }
 
-/// Whether one may choose allowed licences only.
+/// Returns whether a licence expression can be met by allowed licences only.
 fn is_allowed(expression: &str, allowed: &[&str]) -> bool {
     let plain = expression.replace(['(', ')'], "").replace('/', " OR ");
     plain.split(" AND ").all(|part| part.split(" OR ").any(|licence| allowed.contains(&licence.trim())))

@@ -36,12 +36,12 @@ const FIRST_PIECE_S: f64 = 0.01;
 /// Velocities of joints and places are bounded a little generously, for rounding, in rad/s and metres.
 const ROUNDING_RADPS: f64 = 1e-9;
 const ROUNDING_M: f64 = 1e-9;
-/// Where time stands among the unknowns, after the joints.
+/// Index of the time among the unknowns, after the joints.
 const TIME: usize = MAX_JOINTS;
 /// Unknowns: joints and time.
 const UNKNOWNS: usize = MAX_JOINTS + 1;
 
-/// What a proof came to.
+/// Result of a proof.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ThrowProof {
     /// There is no catch.
@@ -51,9 +51,9 @@ pub enum ThrowProof {
     },
     /// There may be one: when all pieces that were allowed had been looked at, this was left.
     Open {
-        /// Its middle time.
+        /// Middle time of the box.
         catch_s: f64,
-        /// Its middle joint positions.
+        /// Middle joint positions of the box.
         q: JointVector,
     },
 }
@@ -61,9 +61,9 @@ pub enum ThrowProof {
 /// A catch of whatever kind: the grasp centre meets the object's centre and moves along with it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AnyCatch<'a> {
-    /// Where the object flies.
+    /// Flight of the object.
     pub flight: &'a FlightTrajectory,
-    /// Between these times, in seconds.
+    /// Earliest and latest time of the catch, in seconds.
     pub times_s: [f64; 2],
     /// The centres are at most this far from each other, in metres.
     pub within_m: f64,
@@ -140,7 +140,7 @@ struct Proof<'a> {
 }
 
 impl Proof<'_> {
-    /// What of a piece may hold a catch, and the unknown that moves most in it.
+    /// Returns the part of a box that may hold a catch, and the unknown that moves most in it.
     fn narrowed(&self, mut piece: Piece) -> Option<(Piece, usize)> {
         // From rest, who can arrive somewhere at some velocity can do so later: waiting first.
         let from = &self.start.state.q;
@@ -220,7 +220,8 @@ impl Proof<'_> {
         }))
     }
 
-    /// Whether nothing that the joints can do on arrival moves the grasp centre along with the object.
+    /// Returns whether no joint velocity that is possible at the catch moves the grasp centre along with the
+    /// object.
     fn cannot_move_along(
         &self,
         piece: &Piece,
@@ -262,7 +263,7 @@ fn narrow(row: &[f64; UNKNOWNS], rest: Interval, unknowns: &mut [Interval; UNKNO
     }
     for ((coefficient, term), unknown) in row.iter().zip(&terms).zip(unknowns) {
         if coefficient.abs() > SMALL {
-            // What all others leave to it.
+            // Interval that all other unknowns leave to it.
             let left = Interval { low: term.high - high, high: term.low - low }.scaled(1.0 / coefficient);
             *unknown = unknown.intersection(&Interval { low: left.low - ROUNDING, high: left.high + ROUNDING });
             if unknown.is_empty() {

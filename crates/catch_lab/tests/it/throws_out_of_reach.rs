@@ -1,4 +1,4 @@
-//! What is proven to be out of reach, and what must not be.
+//! Throws that are proven to be out of reach, and throws that must not be.
 
 #![allow(clippy::print_stdout, reason = "figures for the docs, shown by --nocapture")]
 
@@ -50,8 +50,7 @@ fn the_papers_near_throw_is_out_of_reach_from_its_pose() {
     println!("proven by {} pieces", pieces.sum::<usize>());
 }
 
-/// What is caught is never proven out of reach: around the catches that plans promise something is always
-/// left.
+/// A catch is never proven out of reach: around the catches that plans promise something is always left.
 #[test]
 fn no_catch_is_proven_out_of_reach() {
     let desk = Desk::new("tennis_ball", |_| {});

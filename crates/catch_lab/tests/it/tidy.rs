@@ -105,7 +105,7 @@ const BANNED_NAMES: &[&str] = &["utils", "util", "helpers", "helper", "common", 
 /// Parts of the standard library that the brain and the models that it uses must not touch: clocks, files,
 /// the environment.
 const BANNED_MODULES: &[&str] = &["fs", "time", "env", "net", "process", "thread"];
-/// What the brain must not do besides: use global random state, print, take its time.
+/// Names that the brain must not use besides: global random state, output, clocks.
 const BANNED_IN_BRAIN: &[&str] = &[
     "std::io",
     "thread_local!",
@@ -131,7 +131,7 @@ fn the_brain_and_the_simulator_never_meet() {
     }
 }
 
-/// What a driver of a real arm builds on and records with, and the brain, need no physics engine.
+/// The crates below a driver of a real arm, its recordings and the brain need no physics engine.
 #[test]
 fn no_physics_engine_stands_below_the_contract() {
     for name in ["catch_cell", "catch_bot", "catch_recording"] {

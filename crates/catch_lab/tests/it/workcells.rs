@@ -50,7 +50,7 @@ fn an_object_behind_a_wall_is_out_of_reach_and_hits_it() {
     let verdict = run(&walled, 0);
     assert_eq!(verdict.reason, Some(Reason::HitObstacle), "{verdict:?}");
     assert_eq!(Oracle::of(&walled).reach(&walled, 8, 0).from_release_s, None);
-    // The same throw without it.
+    // Setup without the workcell, for the same throw.
     let open = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap();
     assert!(run(&open, 0).caught && Oracle::of(&open).reach(&open, 8, 0).from_release_s.is_some());
 }

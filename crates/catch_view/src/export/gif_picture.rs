@@ -26,15 +26,15 @@ const HEIGHT: u16 = 300;
 const MOST_BYTES: usize = 400_000;
 /// Time between two images, in seconds of the throw, if the file does not get too large.
 const STEP_S: f64 = 0.0125;
-/// How long an image is shown, in hundredths of a second: 3.2 times slower than it happened.
+/// Duration of an image, in hundredths of a second: 3.2 times slower than it happened.
 const DELAY_CS: u16 = 4;
-/// How long the last image stays.
+/// Duration of the last image, in hundredths of a second.
 const LAST_DELAY_CS: u16 = 150;
-/// How much of a recording before the end of the flight is shown at most.
+/// Longest part of a recording before the end of the flight that is shown, in seconds.
 const LONGEST_S: f64 = 4.0;
-/// How long the picture goes on after the contact.
+/// Duration of the picture after the contact, in seconds.
 const AFTER_CONTACT_S: f64 = 0.3;
-/// How far a predicted path goes on after the planned catch.
+/// Duration of a predicted path after the planned catch, in seconds.
 const BEYOND_CATCH_S: f64 = 0.1;
 /// Pieces of a path.
 const PIECE_S: f64 = 0.015;

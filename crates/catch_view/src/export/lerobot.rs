@@ -44,7 +44,7 @@ pub struct LeRobotDataset {
     statistics: Statistics,
 }
 
-/// Where the data of an episode are.
+/// Chunk and file of an episode's data.
 fn place(episode: usize) -> (usize, usize) {
     (episode / CHUNK, episode % CHUNK)
 }
@@ -132,7 +132,7 @@ impl LeRobotDataset {
         self.write_json("meta/info.json", &self.info())
     }
 
-    /// What the arm does, in words.
+    /// Task of the arm, in words.
     fn task(&self) -> String {
         format!("catch the {}", self.setup.scenario.object.replace('_', " "))
     }
@@ -212,7 +212,7 @@ fn depth_key(camera: usize) -> String {
     format!("observation.images.depth_{camera}")
 }
 
-/// What pandas needs to read a column as the index of a table with another one.
+/// Metadata with which pandas reads a column as the index of a table with another one.
 fn pandas_index(index: &str, other: &str) -> (String, String) {
     let column = |name: &str, kind: &str, numpy: &str| json!({ "name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": null });
     let about = json!({

@@ -97,7 +97,7 @@ pub fn mcap(playback: &Playback) -> Result<Vec<u8>, McapError> {
     Ok(file.into_inner())
 }
 
-/// What is known of the throw as a whole.
+/// Returns the data of the throw as a whole.
 fn metadata(playback: &Playback) -> Vec<Metadata> {
     let Header { title, version, simulation, .. } = &playback.header;
     let text = |key: &str, value: &str| (key.to_owned(), value.to_owned());

@@ -13,7 +13,7 @@ use catch_lab::evaluation::{
 use catch_recording::whole_file;
 
 type Failure = Box<dyn Error>;
-/// What is drawn on.
+/// Drawing area of a plot.
 type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 const SIZE: (u32, u32) = (640, 360);

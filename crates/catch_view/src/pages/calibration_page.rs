@@ -14,7 +14,7 @@ const SCRIPT: &str = include_str!("calibration_page/calibration.js");
 /// A camera on the page.
 #[derive(Debug)]
 pub struct CameraSection {
-    /// What was found of it, in a line.
+    /// Result of the camera's calibration, in a line.
     pub summary: String,
     /// Some of its images.
     pub overlays: Vec<Overlay>,
@@ -48,7 +48,7 @@ pub fn page(title: &str, cameras: &[CameraSection]) -> String {
     document(title, "calibration", "", &fill(PAGE, &[("title", &heading), ("data", &data), ("script", SCRIPT)]))
 }
 
-/// What the pixels of an image show, and how many in a row do.
+/// Encodes the pixels of an image as runs: a value, and its number in a row.
 fn runs(overlay: &Overlay) -> Vec<[u16; 2]> {
     let mut runs: Vec<[u16; 2]> = Vec::new();
     for (shown, predicted) in overlay.shown.iter().zip(&overlay.predicted) {

@@ -19,11 +19,11 @@ const SQUARE_PX: usize = 8;
 /// A camera on the page.
 #[derive(Debug)]
 pub struct CameraView<'a> {
-    /// Where it stands.
+    /// Model and pose of the camera.
     pub camera: &'a CameraModel,
-    /// What is said of it, in a line.
+    /// Summary of the camera's view, in a line.
     pub summary: String,
-    /// At which instants of each flight it shows the object.
+    /// Instants of each flight at which the camera shows the object.
     pub sight: Vec<Vec<bool>>,
     /// A whole image of the waiting arm.
     pub image: DepthFrame,

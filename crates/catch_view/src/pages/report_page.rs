@@ -28,7 +28,7 @@ pub use study::study_page;
 const THEME: &str = include_str!("report_page/theme.html");
 const REPORT_STYLE: &str = include_str!("report_page/report.css");
 
-/// What a report is about.
+/// Data of a report.
 #[derive(Debug)]
 pub struct Report<'a> {
     /// Name of the scenario.
@@ -216,7 +216,7 @@ fn short(ms: f64) -> String {
     if ms < SHORTEST_MS { format!("<{SHORTEST_MS}") } else { format!("{ms:.*}", if ms < 10.0 { 2 } else { 0 }) }
 }
 
-/// How often each time was measured, as heights along the scale.
+/// Histogram of the times, as heights along the scale.
 fn hills(laps_ms: impl Iterator<Item = (f64, usize)>, scale: &Scale) -> Vec<Mark> {
     let mut counts = [0; PARTS];
     for (ms, count) in laps_ms {

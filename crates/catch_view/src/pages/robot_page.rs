@@ -39,7 +39,7 @@ struct JointData {
     upper: f64,
 }
 
-/// What a surface is.
+/// Kind of a surface.
 #[derive(Debug, Clone, Copy, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Kind {

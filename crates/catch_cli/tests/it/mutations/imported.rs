@@ -1,4 +1,4 @@
-//! What importers and readers of other programs' files are tried on: a right file of each kind.
+//! Valid files of other programs, one of each kind, for tests of importers and readers.
 
 use std::{fs, path::PathBuf};
 
@@ -17,7 +17,7 @@ use serde_json::json;
 
 use super::{Load, obj, read, root, text};
 
-/// What has a right file here: the file's name and its content.
+/// A valid file: its name and its content.
 type Right = (&'static str, Vec<u8>);
 
 /// Ways of loading for the files of other programs, workcells and studies.

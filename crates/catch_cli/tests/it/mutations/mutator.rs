@@ -4,7 +4,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// What stands in the place of a number.
+/// Replacements of a number.
 const STRANGE: [&str; 28] = [
     "0",
     "-0.0",
@@ -39,11 +39,11 @@ const STRANGE: [&str; 28] = [
 /// A seeded source of changes.
 pub struct Mutator {
     rng: Pcg64,
-    /// Whether nothing is changed.
+    /// True if nothing is changed.
     pub is_idle: bool,
 }
 
-/// How often a part of a text is repeated, and how deep it is put into itself.
+/// Numbers of repetitions of a part of a text, and depths of its nesting.
 const TIMES: [usize; 5] = [2, 10, 100, 300, 1000];
 /// Bytes of a text that was multiplied, at most.
 const MOST_BYTES: usize = 500_000;
@@ -192,7 +192,7 @@ impl Mutator {
     }
 }
 
-/// Where the part ends that begins with a bracket or a tag.
+/// Finds the end of the part that begins with a bracket or a tag.
 fn end_of_part(text: &str, start: usize) -> Option<usize> {
     let rest = &text[start..];
     if let Some(tag) = rest.strip_prefix('<') {

@@ -1,4 +1,4 @@
-//! What this program writes itself, and reads again: a right file of each kind.
+//! Files that this program writes and reads again: a valid one of each kind.
 
 use std::{fs, path::Path};
 
@@ -46,7 +46,7 @@ pub fn loads() -> Vec<(String, Load<'static>)> {
     ]
 }
 
-/// What the program says of nobody's files: it goes on without them.
+/// Error about a file that the program ignores.
 fn ignored(file: &str) -> InputError {
     InputError::new(file, "content", "another", "what the program has written")
 }

@@ -26,7 +26,7 @@ const TOLERANCE: f64 = 2e-5;
 /// A point in the frame of each link and each shape, which shows where the frame is.
 const POINT: Point3<f64> = Point3::new(0.1, 0.2, 0.3);
 
-/// What Pinocchio and yourdfpy read, as [`numbers`] has it.
+/// Script that prints the numbers that Pinocchio and yourdfpy read, as [`numbers`] has them.
 const SCRIPT: &str = r#"
 import io, json, math, sys
 import numpy, pinocchio, yourdfpy
@@ -210,7 +210,8 @@ fn compared(expected: &[Vec<f64>]) {
     }
 }
 
-/// What the others read of the first descriptions; `None` where they cannot be had.
+/// Returns the numbers that the other programs read of the first descriptions; `None` where they cannot be
+/// had.
 fn read_by_others(count: u64) -> Option<String> {
     let texts: Vec<String> = (0..count).map(text).collect();
     python("pin yourdfpy", SCRIPT, &serde_json::to_string(&texts).unwrap())

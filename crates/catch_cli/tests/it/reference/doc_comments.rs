@@ -5,16 +5,16 @@ pub struct Item {
     pub name: String,
     pub doc: String,
     pub fields: Vec<Field>,
-    /// Whether it is read from files of users, strictly.
+    /// True if it is read from files of users, strictly.
     pub is_strict: bool,
 }
 
 /// A field, or a variant.
 #[derive(Default, Clone)]
 pub struct Field {
-    /// As files have it.
+    /// Name in files.
     pub name: String,
-    /// Of a variant what it holds; empty if nothing.
+    /// Type; for a variant that of its content, empty if it has none.
     pub kind: String,
     pub doc: String,
     /// The function of `quantity` that reads it.

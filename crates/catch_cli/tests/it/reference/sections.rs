@@ -1,8 +1,8 @@
-//! What the pages of files show: which struct or enum stands at which place of which file.
+//! Sections of the pages of files: the struct or enum at each place of each file.
 
 /// A table of a file.
 pub struct Section {
-    /// What the page calls it.
+    /// Heading on the page.
     pub heading: &'static str,
     /// Path within the scenario, which has defaults; empty elsewhere, and for the scenario's own fields.
     pub path: &'static str,
@@ -142,7 +142,7 @@ pub const ELSEWHERE: &[(&str, &str)] = &[
     ("catch_lab/src/evaluation/published.rs", "PublishedRate"),
 ];
 
-/// What ends up in tables: statuses of the brain, reasons of the referee, and what a robot controller says.
+/// Words in tables: statuses of the brain, reasons of the referee, and messages of a robot controller.
 pub const STATUSES: &[Section] = &[
     of("Why a throw was not caught", "catch_lab/src/referee/reason.rs", "Reason"),
     of("Status of a tick", "catch_bot/src/control/decision.rs", "Status"),
@@ -183,7 +183,7 @@ pub const RECORDINGS: &[Section] = &[
     of("Pose of a camera", "catch_sim/src/throw_conditions.rs", "CameraPose"),
 ];
 
-/// What a row of an evaluation has.
+/// Columns of an evaluation's rows.
 pub const ROWS: &[(&str, &str)] = &[
     ("catch_lab/src/scenario/setup.rs", "Scene"),
     ("catch_lab/src/referee.rs", "Verdict"),
@@ -192,5 +192,5 @@ pub const ROWS: &[(&str, &str)] = &[
 ];
 /// The release, of which each component stands in a column of its own.
 pub const RELEASE: (&str, &str) = ("catch_sim/src/throw_conditions.rs", "ReleaseState");
-/// What the oracle reached, which stands in columns of its own.
+/// Result of the oracle, which stands in columns of its own.
 pub const REACH: (&str, &str) = ("catch_lab/src/reachability/oracle.rs", "Reach");

@@ -1,4 +1,4 @@
-//! What a scenario assumes of arm, gripper and cameras, in words.
+//! Assumptions of a scenario about arm, gripper and cameras, in words.
 
 use catch_sim::{GripperDriveKind, config::RobotErrors, depth_noise::DepthModel};
 

@@ -23,21 +23,21 @@ use nalgebra::{Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
 use super::{Knowledge, Setup};
 use crate::scenario::CalibrationSettings;
 
-/// Where the thrown object lies, out of the cameras' range.
+/// Position of the thrown object during a calibration, out of the cameras' range.
 const OUT_OF_SIGHT_M: [f64; 3] = [45.0, 45.0, 0.3];
 /// No flight takes longer than this, in seconds.
 const LONGEST_FLIGHT_S: f64 = 2.0;
 /// No session takes longer than this, in seconds.
 const LONGEST_S: f64 = 600.0;
 
-/// What a session of calibration in the arena gave.
+/// Result of a calibration session in the arena.
 #[derive(Debug, Clone)]
 pub struct ArenaSession {
-    /// What was seen.
+    /// Images and arm poses of the session.
     pub session: Session,
     /// The poses that were chosen.
     pub poses: Vec<JointVector>,
-    /// How long it took on the cell's clock.
+    /// Duration on the cell's clock.
     pub robot_time_s: f64,
     /// Commands that broke a limit.
     pub limit_violations: usize,
@@ -63,7 +63,7 @@ pub fn config(knowledge: &Knowledge, observations_hz: f64, seed: u64) -> Config 
     }
 }
 
-/// The same for the calibration before the throws of a seed.
+/// Settings of the calibration before the throws of a seed.
 pub(super) fn config_of(setup: &Setup, settings: &CalibrationSettings, seed: u64) -> Config {
     Config { poses: settings.poses, ..config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, seed) }
 }
@@ -73,8 +73,8 @@ const MOST_BYTES: u64 = 2 << 30;
 /// Beyond its links' origins and where it holds things, the arm reaches no farther than this, in metres.
 const AROUND_M: f64 = 0.3;
 
-/// Whether there is room for all images of a calibration. Where nothing stands behind the arm, they keep what
-/// it can reach.
+/// Checks that there is room for all images of a calibration. Where nothing stands behind the arm, they keep
+/// what it can reach.
 ///
 /// # Errors
 /// If there is not; file and field are those of the number of poses.
@@ -101,7 +101,7 @@ pub fn check_memory(setup: &Setup, config: &Config, (file, field): (&str, &str))
     Err(InputError::new(file, field, found, expected))
 }
 
-/// Where the cameras of a scene truly stand. No brain may see it.
+/// True cameras of a scene. No brain may see it.
 pub fn true_cameras(setup: &Setup, seed: u64, index: u64) -> Vec<CameraModel> {
     DepthCameras::new(&setup.cameras, &setup.scenario.arena.depth, seed, index).cameras().to_vec()
 }
@@ -176,9 +176,10 @@ pub fn observe_flights(
 /// Cameras as a calibration before all throws left them.
 #[derive(Debug, Clone)]
 pub struct CalibratedCameras {
-    /// As the brain has them. One whose calibration did not converge is where it was believed to be before.
+    /// Cameras as the brain has them. One whose calibration did not converge is where it was believed to be
+    /// before.
     pub cameras: Vec<CameraModel>,
-    /// What the calibration found, and claims, of each.
+    /// Result of the calibration of each camera, with its covariance.
     pub found: Vec<CameraCalibration>,
 }
 
@@ -231,8 +232,7 @@ pub fn calibrated_cameras(believed: &[CameraModel], found: &[CameraCalibration])
     believed.iter().zip(found).map(calibrated).collect()
 }
 
-/// What is found of a camera, with the covariance of what was believed before where the calibration did not
-/// converge.
+/// Result for a camera, with the covariance believed before where the calibration did not converge.
 fn claimed(found: CameraCalibration, settings: &CalibrationSettings) -> CameraCalibration {
     if found.status == CalibrationStatus::Converged {
         return found;
@@ -242,7 +242,7 @@ fn claimed(found: CameraCalibration, settings: &CalibrationSettings) -> CameraCa
     CameraCalibration { covariance: Matrix6::from_diagonal(&variances.into()), ..found }
 }
 
-/// What is made once for each seed, and shared by clones.
+/// Values that are made once for each seed, and shared by clones.
 #[derive(Debug)]
 pub(super) struct BySeed<T>(Arc<Mutex<BTreeMap<u64, Arc<T>>>>);
 
@@ -274,7 +274,7 @@ impl Setup {
         Some(self.calibrations.get(seed, || CalibratedCameras::new(self, settings, seed)))
     }
 
-    /// This setup with the calibrations of another one, which differs in object and throw at most.
+    /// Returns this setup with the calibrations of another one, which differs in object and throw at most.
     #[must_use]
     pub fn sharing_calibrations(mut self, other: &Self) -> Self {
         self.calibrations = other.calibrations.clone();

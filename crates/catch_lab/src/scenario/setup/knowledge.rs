@@ -13,8 +13,8 @@ use catch_recording::{
     reach_map,
 };
 
-/// What somebody who owns a cell knows of it. Neither the truth nor any setting of the arena is within reach
-/// of what is made from this.
+/// Knowledge of a cell's owner about it. Neither the truth nor any setting of the arena is within reach of
+/// what is made from this.
 #[derive(Debug, Clone, Copy)]
 pub struct Knowledge<'a> {
     /// The brain's settings, of the scenario.
@@ -43,7 +43,7 @@ impl Knowledge<'_> {
         config.given(&self.object.figures, self.cameras)
     }
 
-    /// What the brain works out before anything flies, with the cameras where they are believed to stand.
+    /// Preparation of the brain before anything flies, with the cameras where they are believed to stand.
     ///
     /// # Panics
     /// If settings were changed in code to values out of their ranges.
@@ -55,7 +55,7 @@ impl Knowledge<'_> {
 }
 
 impl Setup {
-    /// What the owner of this cell knows of it.
+    /// Returns the knowledge of this cell's owner.
     pub fn knowledge(&self) -> Knowledge<'_> {
         let Self { scenario, robot, gripper, cameras, known_object, .. } = self;
         Knowledge { settings: &scenario.brain, robot, gripper, cameras, object: known_object }
@@ -72,7 +72,7 @@ impl Setup {
         self.knowledge().config(self.calibrated(seed).as_deref(), seed, index)
     }
 
-    /// What the brain works out before anything flies, with the cameras as they are.
+    /// Preparation of the brain before anything flies, with the cameras as they are in the rig's file.
     ///
     /// # Panics
     /// If settings were changed in code to values out of their ranges.
@@ -81,7 +81,7 @@ impl Setup {
         self.known.get_or_init(|| Arc::new(make()))
     }
 
-    /// What the brain works out before anything flies, with the cameras as it believes them to stand in
+    /// Preparation of the brain before anything flies, with the cameras as it believes them to stand in
     /// scenes of `seed`.
     ///
     /// # Panics

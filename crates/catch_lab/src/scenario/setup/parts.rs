@@ -16,7 +16,7 @@ use catch_recording::{
     whole_file::COMMAND_LINE,
 };
 
-/// Where a scenario stands: what errors call it, and where the files that it names are looked for.
+/// Place of a scenario: its name in error messages, and the origin of the files that it names.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place<'a> {
     pub file: &'a str,
@@ -119,8 +119,8 @@ impl Parts {
         Ok(cameras.into_iter().map(|camera| CameraModel { sheet: Some(sheet.clone()), ..camera }).collect())
     }
 
-    /// What is known of the object: its file's figures, and a scan that its owner took, of `thrown`, by
-    /// scanners with these errors.
+    /// Model of the object: its file's figures, and a scan that its owner took, of `thrown`, by scanners with
+    /// these errors.
     pub fn known_object(&self, thrown: &ThrownObject, scanner: &DepthConfig) -> Result<KnownObject, InputError> {
         let figures = self.object.known_figures()?;
         let cameras = rig_from_toml(&self.reference_rig.file, &self.reference_rig.text)?;
@@ -133,7 +133,7 @@ impl Parts {
         Ok(KnownObject { scan, figures })
     }
 
-    /// How the object is thrown at an arm of this length.
+    /// Reads the throw of the object at an arm of this length.
     pub fn throw(&self, arm_length_m: f64) -> Result<Throw, InputError> {
         Ok(self.throw.throw()?.for_arm(arm_length_m))
     }

@@ -1,4 +1,4 @@
-//! What was drawn for a throw, and whether it is one.
+//! Conditions drawn for a throw, and checks of it.
 
 use std::fmt::Display;
 
@@ -7,19 +7,19 @@ use catch_sim::{Arena, FlightConditions, FreeFlight};
 
 use super::Setup;
 
-/// How long a flight may take until it meets the floor, in seconds. A longer one is no throw: a trial would
-/// not wait for it.
+/// Longest flight until the object meets the floor, in seconds. A longer one is no throw: a trial would not
+/// wait for it.
 pub const LONGEST_FLIGHT_S: f64 = 5.0;
 /// Step with which a flight is followed to the floor, in seconds.
 const STEP_S: f64 = 5e-3;
 
 impl Setup {
-    /// What is drawn for the object and the flight of throw number `index`.
+    /// Returns the conditions drawn for the object and the flight of throw number `index`.
     pub fn flight_conditions(&self, seed: u64, index: u64) -> FlightConditions {
         FlightConditions::of(&self.object, &self.release(seed, index), &self.conditions(seed, index))
     }
 
-    /// Whether throw number `index` is one: it begins clear of everything, and it ends within a trial.
+    /// Checks throw number `index`: it begins clear of everything, and it ends within a trial.
     ///
     /// # Errors
     /// If it is none, with the throw, the object and what would be right.
@@ -32,7 +32,7 @@ impl Setup {
         self.check_release(&self.arena(seed, index), seed, index)
     }
 
-    /// Whether the object that has just been released in an arena, as throw number `index`, is clear of
+    /// Checks that the object that has just been released in an arena, as throw number `index`, is clear of
     /// everything.
     ///
     /// # Errors
@@ -45,7 +45,7 @@ impl Setup {
         Err(self.fault(found, "a release that touches nothing: 1 mm or more from hand, arm, floor and obstacles"))
     }
 
-    /// Whether the flight meets the floor within a trial, if nothing is in its way.
+    /// Checks that the flight meets the floor within a trial, if nothing is in its way.
     fn check_flight(&self, seed: u64, index: u64) -> Result<(), InputError> {
         let (release, conditions) = (self.release(seed, index), self.conditions(seed, index));
         let flight = FreeFlight::new(&self.object, &release, &conditions, STEP_S);

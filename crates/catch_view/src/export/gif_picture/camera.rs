@@ -1,4 +1,4 @@
-//! Where the picture is taken from.
+//! Camera of the picture.
 
 use catch_body::Pose;
 use catch_cell::CameraModel;
@@ -8,9 +8,9 @@ use crate::playback::Playback;
 
 /// Vertical field of view.
 const VIEW_RAD: f64 = 0.72;
-/// From the thrower's direction around to the camera.
+/// Azimuth from the thrower's direction to the camera.
 const AZIMUTH_RAD: f64 = 2.0;
-/// Above the horizon.
+/// Elevation above the horizon.
 const ELEVATION_RAD: f64 = 0.24;
 /// Fraction of the picture that the throw fills.
 const FILL: f64 = 0.84;

@@ -5,11 +5,11 @@ pub type Colour = [f64; 3];
 
 /// The index that stands for "as it was".
 pub const TRANSPARENT: u8 = 0;
-/// Of the true path.
+/// Colour of the true path.
 pub const TRUE: Colour = [0.85, 0.28, 0.06];
-/// Of the predicted path.
+/// Colour of the predicted path.
 pub const PREDICTED: Colour = [0.11, 0.43, 0.82];
-/// Of the object, fully lit.
+/// Colour of the object, fully lit.
 pub const OBJECT: Colour = [1.0, 0.74, 0.12];
 
 const GREYS: usize = 56;
@@ -50,7 +50,7 @@ impl Palette {
         Self { colours, nearest }
     }
 
-    /// As the file has it.
+    /// Returns the palette as the file has it.
     pub fn bytes(&self) -> Vec<u8> {
         self.colours.iter().flatten().map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8).collect()
     }

@@ -27,15 +27,15 @@ const FINE: usize = 3;
 /// A line through the scene.
 #[derive(Debug, Clone)]
 pub struct Line {
-    /// Its points in W.
+    /// Points of the line in W.
     pub path: Vec<Point3<f64>>,
-    /// Its colour.
+    /// Colour of the line.
     pub colour: Colour,
-    /// Its width in pixels.
+    /// Width of the line in pixels.
     pub width_px: f64,
 }
 
-/// What all images of a throw share.
+/// Parts of the scene that are the same in all images of a throw.
 #[derive(Debug)]
 pub struct Shader {
     camera: CameraModel,
@@ -49,7 +49,7 @@ pub struct Shader {
 struct Body<'a> {
     X_WB: Pose,
     R_BW: Matrix3<f64>,
-    /// Where the camera is.
+    /// Position of the camera in the body's frame.
     p_BC: Point3<f64>,
     /// Centre of a ball that holds the body; its radius is the caster's.
     centre_W: Point3<f64>,
@@ -59,13 +59,13 @@ struct Body<'a> {
     colour: Colour,
 }
 
-/// What a pixel shows.
+/// Surface that a pixel shows.
 #[derive(Clone, Copy)]
 struct Seen {
     colour: Colour,
     /// Along the ray, in multiples of its direction, which is the depth; infinite for floor and sky.
     depth_m: f64,
-    /// Which body, or none.
+    /// Index of the body; `usize::MAX` for none.
     body: usize,
 }
 
@@ -146,7 +146,7 @@ impl Shader {
         sum
     }
 
-    /// What lies behind a point of the image.
+    /// Casts a ray through a point of the image.
     fn look(&self, bodies: &[Body], uv: &Point2<f64>) -> Seen {
         let origin = Point3::from(self.camera.X_WC.translation.vector);
         let direction = self.camera.X_WC.rotation * self.camera.back_project(uv, 1.0).coords;
@@ -227,7 +227,7 @@ impl Shader {
     }
 }
 
-/// Whether a window holds a point of the image, or nearly.
+/// Returns whether a window holds a point of the image, within a pixel.
 fn contains(window: &PixelWindow, uv: &Point2<f64>) -> bool {
     let within =
         |value: f64, first: u32, count: u32| (f64::from(first) - 1.0..=f64::from(first + count) + 1.0).contains(&value);

@@ -19,13 +19,13 @@ use catch_lab::VERSION;
 /// A column of a table.
 #[derive(Debug, Clone)]
 pub struct Column {
-    /// Its name.
+    /// Name of the column.
     pub name: String,
     /// A value for each row.
     pub values: Values,
 }
 
-/// What a column holds.
+/// Values of a column.
 #[derive(Debug, Clone)]
 pub enum Values {
     /// Truth values.
@@ -34,7 +34,7 @@ pub enum Values {
     Whole(Vec<i64>),
     /// Numbers.
     Numbers(Vec<f32>),
-    /// So many numbers per row.
+    /// Numbers in vectors of this length, one per row.
     Vectors(usize, Vec<f32>),
     /// Texts.
     Words(Vec<String>),
@@ -45,12 +45,12 @@ pub enum Values {
 }
 
 impl Column {
-    /// With a name.
+    /// Creates a column.
     pub fn new(name: &str, values: Values) -> Self {
         Self { name: name.to_owned(), values }
     }
 
-    /// How it stands in the schema: lists and images are groups.
+    /// Returns the column's entry in the schema: lists and images are groups.
     fn field(&self) -> Result<Type, ParquetError> {
         let plain = |name: &str, physical: Physical, logical: Option<LogicalType>| {
             Type::primitive_type_builder(name, physical)

@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 
 use super::columns::{Column, Values};
 
-/// Of one number, over all frames.
+/// Moments of one number, over all frames.
 #[derive(Debug, Clone, Copy)]
 pub struct Moments {
     least: f64,
@@ -45,10 +45,10 @@ impl Moments {
     }
 }
 
-/// Of all features.
+/// Statistics of all features.
 #[derive(Debug, Default)]
 pub struct Statistics {
-    /// Of each number of a feature.
+    /// Moments of each number of a feature.
     features: BTreeMap<String, Vec<Moments>>,
     images: BTreeMap<String, Moments>,
 }
@@ -72,7 +72,7 @@ impl Statistics {
         }
     }
 
-    /// As JSON: lists, those of images in the shape (1, 1, 1).
+    /// Returns the statistics as JSON: lists, those of images in the shape (1, 1, 1).
     pub fn document(&self) -> Value {
         let list = |moments: &[Moments], of: &dyn Fn(&Moments) -> f64| moments.iter().map(of).collect::<Vec<f64>>();
         let (mut features, mut frames) = (Map::new(), 0);

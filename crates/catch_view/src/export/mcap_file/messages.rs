@@ -98,7 +98,7 @@ messages! {
         step: u32 = [fixed32, tag = "5"],
         data: Vec<u8> = [bytes = "vec", tag = "6"],
     }
-    /// How a camera projects.
+    /// Calibration of a camera: size, intrinsics and projection.
     CameraCalibration {
         timestamp: Option<Timestamp> = [message, optional, tag = "1"],
         frame_id: String = [string, tag = "9"],
@@ -141,7 +141,7 @@ messages! {
         color: Option<Color> = [message, optional, tag = "3"],
         indices: Vec<u32> = [fixed32, repeated, tag = "5"],
     }
-    /// What moves with one frame.
+    /// Entity that moves with one frame.
     SceneEntity {
         timestamp: Option<Timestamp> = [message, optional, tag = "1"],
         frame_id: String = [string, tag = "2"],
@@ -152,7 +152,7 @@ messages! {
         cylinders: Vec<CylinderPrimitive> = [message, repeated, tag = "10"],
         triangles: Vec<TriangleListPrimitive> = [message, repeated, tag = "12"],
     }
-    /// What is to be seen from now on.
+    /// Entities that are visible from now on.
     SceneUpdate {
         entities: Vec<SceneEntity> = [message, repeated, tag = "2"],
     }
@@ -165,7 +165,7 @@ pub fn time(time_s: f64) -> Option<Timestamp> {
     Some(Timestamp { seconds: i64::try_from(seconds).unwrap_or(i64::MAX), nanos: nanos as i32 })
 }
 
-/// The same as one number.
+/// Converts a time to nanoseconds, as one number.
 pub fn nanoseconds(time_s: f64) -> u64 {
     (time_s.max(0.0) * 1e9).round() as u64
 }

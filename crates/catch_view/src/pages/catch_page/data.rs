@@ -1,4 +1,4 @@
-//! What a throw's page knows.
+//! Data of a throw's page.
 
 use catch_body::{Pose, Robot};
 use catch_bot::grasp_selection::RankedGrasp;
@@ -19,9 +19,9 @@ use super::{points::PackedPoints, surfaces::PackedSurface};
 const MOST_SAMPLES: usize = 1500;
 /// Points along a predicted path.
 const PATH_POINTS: usize = 24;
-/// How long a predicted path goes on after the planned catch, in seconds.
+/// Duration of a predicted path after the planned catch, in seconds.
 const BEYOND_CATCH_S: f64 = 0.12;
-/// How far ahead it reaches while there is no plan.
+/// Duration of a predicted path while there is no plan, in seconds.
 const WITHOUT_PLAN_S: f64 = 0.8;
 /// Candidates for a grasp that are shown of each tick.
 const CANDIDATES: usize = 16;
@@ -31,11 +31,11 @@ const CANDIDATES: usize = 16;
 #[derive(Debug, Serialize)]
 pub struct PageData {
     version: &'static str,
-    /// Which throw; `None` for a real cell.
+    /// Scene of the throw; `None` for a real cell.
     scene: Option<Scene>,
     /// `None` where the outcome is unknown.
     caught: Option<bool>,
-    /// Why not.
+    /// Reason of the miss.
     reason: Option<String>,
     facts: Vec<(&'static str, String)>,
     events: Vec<Event>,
@@ -137,7 +137,7 @@ struct Camera {
 struct Stages {
     names: Vec<String>,
     time_s: Vec<f64>,
-    /// Per tick one number per name; −1 where the stage did not run.
+    /// Durations in milliseconds, per tick one number per name; −1 where the stage did not run.
     ms: Packed,
 }
 
@@ -183,7 +183,7 @@ impl PageData {
     }
 }
 
-/// What the referee measured, for people; without ground truth, which clock the page's times are on.
+/// Measures of the referee, for people; without ground truth, the clock of the page's times.
 fn facts(playback: &Playback) -> Vec<(&'static str, String)> {
     let Some(verdict) = playback.ground_truth().map(|it| &it.verdict) else {
         return vec![("Begins on the cell's clock at", format!("{:.3} s", playback.start_s()))];
@@ -307,7 +307,7 @@ impl Predictions {
     }
 }
 
-/// Whether the flight of a tick was fitted in it: later ones only repeat it.
+/// Returns whether the flight of a tick was fitted in it: later ones only repeat it.
 fn is_news(tick: &RecordedTick) -> bool {
     tick.report.pose.is_some()
 }

@@ -1,4 +1,4 @@
-//! What the depth cameras saw, as points in W.
+//! Points of the depth cameras' images, in W.
 
 use catch_body::Pose;
 use nalgebra::Point3;
@@ -14,7 +14,7 @@ const NEAR_RADII: f64 = 2.0;
 /// Points tick by tick.
 #[derive(Debug, Clone, Serialize)]
 pub struct PackedPoints {
-    /// When the images were taken, for each set of points, from the beginning of the recording.
+    /// Capture time of the images, for each set of points, from the beginning of the recording.
     time_s: Vec<f64>,
     /// Number of the first point of each set, and the number of all points at the end.
     first: Vec<usize>,
@@ -53,7 +53,7 @@ impl PackedPoints {
     }
 }
 
-/// At most `most` of the points, evenly.
+/// Selects at most `most` of the points, evenly.
 fn thinned(points: &[Point3<f64>], most: usize) -> Vec<Point3<f64>> {
     let kept = most.min(points.len());
     (0..kept).map(|i| points[i * points.len() / kept]).collect()

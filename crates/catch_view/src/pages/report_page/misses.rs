@@ -14,9 +14,9 @@ use catch_recording::whole_file;
 
 /// Misses of an evaluation that get a page, the first ones.
 pub const MOST_MISSES: usize = 20;
-/// The same for each step of a study, which has many.
+/// Misses of each step of a study that get a page, the first ones; a study has many steps.
 pub const MOST_MISSES_OF_A_STEP: usize = 3;
-/// Their folder beside the report.
+/// Folder of the misses' pages beside the report.
 const FOLDER: &str = "misses";
 
 /// Throws the first `most` missed throws once more, which gives the same again, and writes their pages;

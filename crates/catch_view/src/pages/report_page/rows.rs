@@ -2,7 +2,7 @@
 
 use crate::pages::packed::text_in_html;
 
-/// What stands on a track; places are fractions of its length.
+/// Mark on a track; places are fractions of its length.
 #[derive(Debug, Clone, Copy)]
 pub enum Mark {
     /// A bar from one place to another.
@@ -53,7 +53,7 @@ pub fn track(marks: &[Mark], thin: bool) -> String {
     format!("<div class=\"{class}\">{marks}</div>")
 }
 
-/// Where values stand on a track.
+/// Scale of the values on a track.
 #[derive(Debug, Clone, Copy)]
 pub struct Scale {
     /// Powers of ten at both ends; without them the track goes from 0 to 1.
@@ -62,7 +62,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// From 0 to 100 %.
+    /// Scale from 0 to 100 %.
     pub const FRACTION: Self = Self { decades: None, unit: "%" };
 
     /// A logarithmic scale that holds all positive values.

@@ -63,7 +63,7 @@ fn label(step: &StepSummary) -> String {
     step.step.replace('-', " ")
 }
 
-/// Of which throws the fraction is taken: those within reach, or all where that is not known.
+/// Number of throws of which the fraction is taken: those within reach, or all where that is not known.
 fn within_reach(it: &CellSummary) -> usize {
     it.within_reach().unwrap_or(it.trials)
 }
