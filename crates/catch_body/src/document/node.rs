@@ -52,6 +52,11 @@ impl<'d> Node<'d> {
         self
     }
 
+    /// Returns whether the reader asked for anything within the part.
+    pub fn is_asked(self) -> bool {
+        self.parts().any(|it| it.part().state.get() == State::Read)
+    }
+
     /// Marks the part and all within it as not used.
     pub fn leave_out(self) {
         self.part().state.set(State::LeftOut);

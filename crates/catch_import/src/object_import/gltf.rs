@@ -399,6 +399,20 @@ mod tests {
     }
 
     #[test]
+    fn unknown_keys_of_what_is_used_are_refused() {
+        let accessor = |it: &str| it.replacen("\"count\": 3", "\"count\": 3, \"stretch\": 2", 1);
+        let view = |it: &str| {
+            it.replacen("{\"buffer\": 0, \"byteLength\"", "{\"buffer\": 0, \"stretch\": 2, \"byteLength\"", 1)
+        };
+        for fault in [document(accessor), document(view)] {
+            assert!(fault.unwrap_err().to_string().contains("stretch"));
+        }
+        // The normals are not read.
+        let unused = |it: &str| it.replace("{\"bufferView\": 1", "{\"stretch\": 2, \"bufferView\": 1");
+        assert_eq!(corners(unused).len(), 3);
+    }
+
+    #[test]
     fn without_a_scene_each_node_is_shown_once() {
         let nodes = "\"nodes\": [{\"children\": [1], \"scale\": [2, 2, 2]}, {\"mesh\": 0}]";
         let without = |it: &str| {

@@ -17,12 +17,10 @@ pub(super) struct Buffers<'a> {
 }
 
 impl Buffers<'_> {
-    /// Marks all views and accessors as left out, so that nothing is asked of those that are not used, such
-    /// as the accessors of normals.
+    /// Marks views and accessors that nothing refers to, such as those of normals, as left out.
     pub fn leave_out_unused(&self) {
-        for node in self.views.iter().chain(&self.accessors) {
-            node.leave_out();
-        }
+        let unused = self.views.iter().chain(&self.accessors).filter(|node| !node.is_asked());
+        unused.for_each(|node| node.leave_out());
     }
 
     fn view(&self, node: Node) -> Result<(&[u8], Option<usize>), InputError> {
