@@ -93,7 +93,8 @@ def evaluate_study(
 ) -> dict[str, Table]:
     """Evaluates as ``catchingbot eval --study``: a table for each step, with the bytes of its ``trials.jsonl``.
 
-    ``trials`` is their number for each object, ``study`` is a built-in name or a file that every worker can read. Other keywords are those of ``evaluate``.
+    ``trials`` is the number for each object, ``study`` a built-in name or a file that every worker can read. Other keywords are those of
+    ``evaluate``.
     """
     steps = _catchingbot.study_steps(study)
     counts = [-(-trials // throws) for _, _, throws in steps]
