@@ -115,7 +115,7 @@ class CatchEnv(gymnasium.Env):
 
 
 class CatchVectorEnv(VectorEnv):
-    """A batch of arms on the threads of one pool. All environments have the same seed; environment i modulo n takes throw i."""
+    """A batch of arms on the threads of one pool. With one seed for all environments, environment i modulo n takes throw i."""
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
 
