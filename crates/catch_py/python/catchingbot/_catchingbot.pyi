@@ -15,7 +15,7 @@ _Named: TypeAlias = str | PathLike[str]
 _Window: TypeAlias = tuple[int, int, int, int]
 
 class NoFlight(ValueError):
-    """No flight fits the track; the message says why."""
+    """Raised if no flight fits the track; the message states the reason."""
 
 class _Ticking(Protocol):
     def tick(self, observation: Observation, /) -> Command | None: ...
@@ -28,7 +28,7 @@ class _Planning(Protocol):
 
 @final
 class Setup:
-    """A scenario, and what is different from its file."""
+    """A scenario, with changes to its file."""
 
     def __new__(
         cls,
@@ -84,7 +84,7 @@ class Setup:
 
 @final
 class Trial:
-    """A throw, and what became of it."""
+    """A throw and its result."""
 
     def __reduce__(self) -> tuple[Callable[..., Trial], tuple[Any, ...]]: ...
     @property
@@ -129,7 +129,7 @@ class SteeredArena:
 
 @final
 class Brain:
-    """A brain, which has seen nothing yet when it is made."""
+    """A brain, new and without observations."""
 
     def __new__(
         cls,
@@ -151,7 +151,7 @@ class Brain:
 
 @final
 class Recorder:
-    """Records what a brain saw and wanted in a cell."""
+    """Records a brain's observations and commands in a cell."""
 
     def __new__(cls, file: _Named, brain: Brain) -> Recorder: ...
     def tick(self, observation: Observation, command: Command) -> None: ...
@@ -159,7 +159,7 @@ class Recorder:
 
 @final
 class Robot:
-    """An arm, and what stands around it."""
+    """An arm and its surroundings."""
 
     def __new__(cls, robot: _Named, *, workcell: _Named | None = None, ready_q: ArrayLike | None = None) -> Robot: ...
     @property
@@ -180,7 +180,7 @@ class Robot:
 
 @final
 class Gripper:
-    """A gripper by its name or file."""
+    """A gripper, by name or file."""
 
     def __new__(cls, gripper: _Named) -> Gripper: ...
     @property
@@ -199,7 +199,7 @@ class Executor:
 
 @final
 class GripperQueue:
-    """Moves that the fingers have not begun, soonest first."""
+    """Moves of the fingers that have not begun, soonest first."""
 
     def __new__(cls) -> GripperQueue: ...
     def receive(self, moves: Sequence[GripperMove], now_s: float) -> None: ...
@@ -207,7 +207,7 @@ class GripperQueue:
 
 @final
 class Observation:
-    """What the cell senses at one instant."""
+    """Measurements of the cell's sensors at one instant."""
 
     def __new__(
         cls, time_s: float, arm: ArmState, gripper: GripperState, frames: Sequence[DepthFrame] = ()
@@ -224,7 +224,7 @@ class Observation:
 
 @final
 class ArmState:
-    """The arm as its robot controller reports it."""
+    """State of the arm, as reported by its robot controller."""
 
     def __new__(
         cls,
@@ -255,7 +255,7 @@ _Reason: TypeAlias = Literal[
 
 @final
 class Rejection:
-    """A trajectory that a robot controller did not take, and why."""
+    """Rejection of a trajectory by a robot controller, with the reason."""
 
     def __new__(cls, id: int, reason: _Reason = "declined", details: Mapping[str, Any] | None = None) -> Rejection: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
@@ -270,7 +270,7 @@ _Grasp: TypeAlias = Literal["idle", "positioning", "grasping", "holding", "no_pa
 
 @final
 class GripperState:
-    """A gripper as it reports itself."""
+    """State of a gripper, as reported by its drive."""
 
     def __new__(
         cls, width_m: float, speed_mps: float = 0.0, force_n: float = 0.0, grasp: _Grasp = "idle"
@@ -287,7 +287,7 @@ class GripperState:
 
 @final
 class DepthFrame:
-    """One depth image, or the window of it that was read out."""
+    """A depth image, or the window read out of it."""
 
     def __new__(
         cls,
@@ -311,7 +311,7 @@ class DepthFrame:
 
 @final
 class Camera:
-    """A pinhole depth camera at a known place."""
+    """A pinhole depth camera with a known pose."""
 
     def __new__(
         cls,
@@ -362,7 +362,7 @@ class GripperMove:
 
 @final
 class Command:
-    """What a brain wants: a new trajectory, other moves of the gripper, both or nothing."""
+    """Command of a brain: a new trajectory, other moves of the gripper, both or nothing."""
 
     def __new__(
         cls,
@@ -380,7 +380,7 @@ class Command:
 
 @final
 class Flight:
-    """A flight that goes on under gravity and drag."""
+    """A flight under gravity and drag."""
 
     def __new__(
         cls,
@@ -403,7 +403,7 @@ class Flight:
 
 @final
 class RegisteredPose:
-    """Where the reference lies in a cloud."""
+    """Pose of the reference in a cloud."""
 
     @property
     def status(self) -> str: ...
@@ -418,7 +418,7 @@ class RegisteredPose:
 
 @final
 class Plan:
-    """A catch and the motion to it, or why there is none."""
+    """A catch and the motion to it, or the reason for its absence."""
 
     @property
     def status(self) -> str: ...
@@ -437,7 +437,7 @@ class Plan:
 
 @final
 class ObjectPose:
-    """The object as it was found in a set of images."""
+    """Pose of the object, estimated from a set of images."""
 
     @property
     def capture_s(self) -> float: ...
@@ -450,7 +450,7 @@ class ObjectPose:
 
 @final
 class Situation:
-    """What a catch is planned from."""
+    """Situation from which a catch is planned."""
 
     @property
     def start_s(self) -> float: ...

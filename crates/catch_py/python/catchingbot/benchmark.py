@@ -19,7 +19,7 @@ from catchingbot.table import Table
 
 
 class Condition(NamedTuple):
-    """An object with a throw in a scenario, and how often it is thrown."""
+    """An object with a throw in a scenario, and the number of trials."""
 
     scenario: str
     object: str
@@ -29,7 +29,7 @@ class Condition(NamedTuple):
 
 @dataclass(frozen=True)
 class SuiteResult:
-    """All rows of a suite and their hash, which is that of ``catchingbot suite run`` for the same brain."""
+    """All rows of a suite and their hash, equal to that of ``catchingbot suite run`` for the same brain."""
 
     suite: str
     content_sha256: str
@@ -43,7 +43,7 @@ class SuiteResult:
 
 
 class Suite:
-    """A suite whose content is what it was when it was frozen."""
+    """A suite with unchanged content since it was frozen."""
 
     def __init__(self, name: str) -> None:
         said = _catchingbot.suite_file(name)
@@ -59,7 +59,7 @@ class Suite:
         progress: Callable[[int, int], object] | None = None,
         **catching: Any,
     ) -> SuiteResult:
-        """Throws all, or at most ``trials`` per condition. Other keywords are those of ``Setup.evaluate``: ``brain``, ``predictor``,
+        """Runs all throws, or at most ``trials`` per condition. Other keywords are those of ``Setup.evaluate``: ``brain``, ``predictor``,
         ``planner`` and ``threads``."""
         counts = [it.trials if trials is None else min(it.trials, trials) for it in self.conditions]
         rows: list[bytes] = []

@@ -6,7 +6,7 @@
 >>> batch = gymnasium.make_vec("catchingbot/Catch-v0", num_envs=8)
 
 An action has a number from -1 to 1 for each joint (an acceleration, or with ``action="delta"`` a change of its position) and one for the
-gripper, which closes above 0. With ``action="residual"`` the scenario's brain acts, and the numbers are offsets of the joints from its motion.
+gripper, which closes above 0. With ``action="residual"`` the scenario's brain acts, and the numbers are joint offsets from its motion.
 No action breaks a limit of the arm. The reward is 1 for a catch, at the end.
 """
 
@@ -30,13 +30,13 @@ Arrays = dict[str, np.ndarray]
 
 
 def register() -> None:
-    """Makes the environment known to Gymnasium; importing this module does."""
+    """Registers the environment with Gymnasium; importing this module calls it."""
     if ID not in gymnasium.registry:
         gymnasium.register(ID, entry_point="catchingbot.gym:CatchEnv", vector_entry_point="catchingbot.gym:CatchVectorEnv")
 
 
 class _Throws:
-    """Throws one after the other: of a batch of n, each environment takes every n-th."""
+    """Successive throws: in a batch of n, each environment takes every n-th."""
 
     def __init__(self, setup: Setup, step: int, first: int, **kinds: str) -> None:
         self.setup, self.step, self.first, self.kinds = setup, step, first, kinds
@@ -45,7 +45,7 @@ class _Throws:
         self.is_done = True
 
     def begin(self, seed: int | None = None, first: int | None = None) -> Arrays:
-        """Throws the next object: with a seed or a first throw from there on."""
+        """Begins the next throw; ``seed`` and ``first`` restart the sequence there."""
         if seed is not None:
             self.seed, self.index = seed, self.first
         if first is not None:
@@ -78,7 +78,7 @@ def _spaces(setup: Setup, kinds: Mapping[str, str]) -> tuple[spaces.Dict, spaces
     box = lambda array: spaces.Box(-np.inf, np.inf, array.shape, np.float32)
     seen = spaces.Dict({name: box(array) for name, array in arena.observation.items()})
     arena.close()
-    # A brain that acts closes the gripper, too.
+    # With residual actions the brain closes the gripper.
     return seen, spaces.Box(-1.0, 1.0, (setup.dof + (kinds["action"] != "residual"),), np.float32)
 
 
@@ -91,7 +91,7 @@ def _checked_options(options: Mapping[str, Any] | None, known: Sequence[str]) ->
 
 
 class CatchEnv(gymnasium.Env):
-    """One arm, one throw after the other. Keywords besides ``obs`` and ``action`` are those of ``Setup``."""
+    """One arm, successive throws. Keywords besides ``obs`` and ``action`` are those of ``Setup``."""
 
     metadata = {"render_modes": []}
 
@@ -101,7 +101,7 @@ class CatchEnv(gymnasium.Env):
         self.render_mode = render_mode
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Arrays, dict[str, Any]]:
-        """The next throw; ``seed`` begins with throw 0 of that seed, ``options={"index": i}`` with throw i."""
+        """Begins the next throw: with ``seed`` throw 0 of that seed, with ``options={"index": i}`` throw i."""
         super().reset(seed=seed)
         seen = self._throws.begin(seed, _checked_options(options, ["index"]).get("index"))
         return seen, self._throws.info()
@@ -115,7 +115,7 @@ class CatchEnv(gymnasium.Env):
 
 
 class CatchVectorEnv(VectorEnv):
-    """A batch of arms on the threads of one pool. All environments throw with the same seed, and throw i falls to environment i modulo n."""
+    """A batch of arms on the threads of one pool. With one seed for all environments, environment i modulo n takes throw i."""
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
 
@@ -156,7 +156,7 @@ class CatchVectorEnv(VectorEnv):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Arrays, dict[str, Any]]:
-        """As of a single environment; ``options={"reset_mask": mask}`` resets those of the batch that the mask shows."""
+        """As ``CatchEnv.reset``; ``options={"reset_mask": mask}`` resets only the environments where the mask is true."""
         options = _checked_options(options, ["index", "reset_mask"])
         mask = np.asarray(options.get("reset_mask", np.ones(self.num_envs, bool)))
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():

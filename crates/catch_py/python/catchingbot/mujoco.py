@@ -2,8 +2,8 @@
 
     python -m catchingbot.mujoco arm.xml --out arm
 
-MuJoCo compiles the model, so that defaults, frames, attached models, replicates and masses of geoms are as it has them. The folder gets
-``model.urdf`` and the meshes that it names.
+MuJoCo compiles the model, so defaults, frames, attached models, replicates and masses of geoms agree with MuJoCo. The folder receives
+``model.urdf`` and its meshes.
 
 >>> import catchingbot.mujoco
 >>> print(catchingbot.mujoco.convert("arm.xml", "arm"))
@@ -23,24 +23,24 @@ from xml.etree.ElementTree import Element, SubElement
 import mujoco
 import numpy as np
 
-# MuJoCo's default, which no author stated.
+# MuJoCo's default: no friction stated by the author.
 _FRICTION = 1.0
-# An ellipsoid's mesh: segments from pole to pole, and how much wider it is so that the ellipsoid is within.
+# An ellipsoid's mesh: segments from pole to pole, and the factor by which it is wider to contain the ellipsoid.
 _SEGMENTS = 32
 _WIDER = 1.0025
 
 
 class CannotExpress(ValueError):
-    """Raised for a model with something that a URDF file cannot say."""
+    """Raised for a model that URDF cannot express."""
 
 
 def convert(model: str | Path | mujoco.MjModel, out: str | Path) -> Path:
     """Writes a model to the new folder ``out`` and returns the path of its URDF file.
 
-    A body is a link, and so is a site with a name. What is welded to a body with a free joint is part of its link.
+    Each body and each named site becomes a link. Bodies welded to a body with a free joint are part of its link.
 
     Raises ``CannotExpress`` for ball joints, several joints in one body and deformable bodies, ``FileExistsError`` if ``out`` exists,
-    ``ValueError`` for what MuJoCo does not compile.
+    ``ValueError`` for a model that MuJoCo does not compile.
     """
     if not isinstance(model, mujoco.MjModel):
         model = mujoco.MjModel.from_xml_path(str(model))
@@ -66,7 +66,7 @@ class _Urdf:
         bodies = range(model.nbody)
         self.links = [self._unused(model.body(i).name or f"body_{i}") for i in bodies]
         self.joints = [model.joint(i).name or f"joint_{i}" for i in range(model.njnt)]
-        # MuJoCo turns a body about a joint's anchor, URDF about the link's origin: there the link's frame L is in the body's, B.
+        # MuJoCo rotates a body about a joint's anchor, URDF about the link's origin: positions of the link's frame L in the body's frame B.
         self.p_BL = [model.jnt_pos[model.body_jntadr[i]] if model.body_jntnum[i] else np.zeros(3) for i in bodies]
         self.drivers = _drivers(model)
         self.efforts, self.speeds = _limits_of_actuators(model)
@@ -79,7 +79,7 @@ class _Urdf:
         return name
 
     def _whole(self, body: int) -> int:
-        """The free body that this one is a rigid part of; otherwise itself."""
+        """The free body of which this one is a rigid part; otherwise itself."""
         root = self.model.body_weldid[body]
         below = np.flatnonzero(self.model.body_rootid == root)
         moves = any(self.model.body_jntnum[it] for it in below if it != root)
@@ -102,7 +102,7 @@ class _Urdf:
         return robot, self.meshes
 
     def _in_link(self, body: int, p_B: np.ndarray, quat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """A pose in a body's frame, in the frame of the link that the body is part of."""
+        """Transforms a pose from a body's frame to the frame of its link."""
         p, R = np.array(p_B), _matrix(quat)
         while body != self.part_of[body]:
             R_PB = _matrix(self.model.body_quat[body])
@@ -134,7 +134,7 @@ class _Urdf:
                 SubElement(holder, "geometry").append(shape)
 
     def _inertia(self, parts: list[int]) -> tuple[float, np.ndarray, np.ndarray]:
-        """Mass, centre of mass in the link's frame, and moments about it of all parts of a link."""
+        """Mass, centre of mass in the link's frame, and moments of inertia about it, of all parts of a link."""
         model = self.model
         placed = [(self._in_link(it, model.body_ipos[it], model.body_iquat[it]), it) for it in parts]
         mass = float(sum(model.body_mass[it] for it in parts))
@@ -161,7 +161,7 @@ class _Urdf:
                 return Element("mesh", filename="ellipsoid.obj", scale=_text(_WIDER * size))
             case mujoco.mjtGeom.mjGEOM_MESH | mujoco.mjtGeom.mjGEOM_SDF:
                 return Element("mesh", filename=self._mesh(self.model.geom_dataid[geom]))
-        # A plane or a field of heights is the floor, and no part of an arm or of a thrown object.
+        # A plane or a height field is the floor, not part of an arm or a thrown object.
         return None
 
     def _mesh(self, mesh: int) -> str:
@@ -188,7 +188,7 @@ class _Urdf:
         R = _matrix(model.body_quat[body])
         p = model.body_pos[body] + R @ self.p_BL[body] - self.p_BL[parent]
         if kind in ("hinge", "slide"):
-            # The model shows the pose at the reference position; URDF wants the one at zero.
+            # The model has the pose at the reference position; URDF requires the pose at zero.
             axis, reference = model.jnt_axis[index], model.qpos0[model.jnt_qposadr[index]]
             if kind == "hinge":
                 R = R @ _rotation(axis, -reference)
@@ -214,7 +214,7 @@ class _Urdf:
         if (driver := self.drivers.get(index)) is not None:
             SubElement(joint, "mimic", joint=driver if isinstance(driver, str) else self.joints[driver])
         if model.dof_armature[dof] > 0:
-            # As Drake has it; the model's is reflected to the joint already.
+            # Drake's element; the model's inertia is already reflected to the joint.
             transmission = SubElement(robot, "transmission")
             SubElement(transmission, "joint", name=self.joints[index])
             actuator = SubElement(transmission, "actuator", name=self.joints[index])
@@ -245,7 +245,7 @@ def _refuse_what_urdf_lacks(model: mujoco.MjModel) -> None:
 
 
 def _drivers(model: mujoco.MjModel) -> dict[int, int | str]:
-    """Joints that do not move on their own, each with the joint, or the name of the constraint, that drives it."""
+    """Dependent joints, each with the joint, or the name of the constraint, that drives it."""
     drivers: dict[int, int | str] = {}
     for equality in np.flatnonzero(model.eq_active0):
         one, other = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
@@ -267,7 +267,7 @@ def _drivers(model: mujoco.MjModel) -> dict[int, int | str]:
 
 
 def _between(model: mujoco.MjModel, one: int, other: int) -> Iterator[int]:
-    """Joints on the way from one body to another: those of a loop that a constraint closes."""
+    """Joints between two bodies: those of a loop that a constraint closes."""
     above = [_ancestors(model, it) for it in (one, other)]
     for body in set(above[0]) ^ set(above[1]):
         if model.body_jntnum[body]:
@@ -282,7 +282,7 @@ def _ancestors(model: mujoco.MjModel, body: int) -> list[int]:
 
 
 def _limits_of_actuators(model: mujoco.MjModel) -> tuple[dict[int, float], dict[int, float]]:
-    """Highest efforts and speeds that the model states, by joint; where it states several, the least."""
+    """Highest efforts and speeds in the model, by joint; the least of several."""
     efforts: dict[int, list[float]] = {}
     speeds: dict[int, list[float]] = {}
     for joint in np.flatnonzero(model.jnt_actfrclimited):
@@ -308,7 +308,7 @@ def _limits_of_actuators(model: mujoco.MjModel) -> tuple[dict[int, float], dict[
 
 
 def _least(bounds: np.ndarray) -> float:
-    """The magnitude that both directions allow."""
+    """The magnitude allowed in both directions."""
     return float(np.abs(bounds).min())
 
 
@@ -334,7 +334,7 @@ def _rotation(axis: np.ndarray, angle: float) -> np.ndarray:
 
 def _origin(parent: Element, p: np.ndarray, R: np.ndarray) -> None:
     yaw = np.arctan2(R[1, 0], R[0, 0])
-    # What is left is Ry(pitch) Rx(roll), so that it is exact where roll and yaw turn about one axis, too.
+    # The rest is Ry(pitch) Rx(roll), exact also where roll and yaw rotate about one axis.
     left = _rotation(np.array([0.0, 0.0, 1.0]), -yaw) @ R
     pitch, roll = np.arctan2(-left[2, 0], left[0, 0]), np.arctan2(-left[1, 2], left[1, 1])
     parent.insert(0, Element("origin", xyz=_text(p), rpy=_text([roll, pitch, yaw])))

@@ -1,4 +1,4 @@
-"""Evaluations on a Ray cluster: the rows of one machine, from as many as there are.
+"""Evaluations on a Ray cluster, with the rows of a single machine.
 
 >>> import ray, catchingbot as cb, catchingbot.ray
 >>> ray.init(address="auto")
@@ -17,14 +17,14 @@ import ray
 
 from catchingbot import Setup, Table, __version__, _catchingbot
 
-# A shard takes some seconds, so that little is lost with a worker and little is spent on sending.
+# A shard takes some seconds: a dead worker loses little, and sending costs little.
 SHARD = 20
-# glibc keeps what threads have freed in up to eight heaps a core. With two a worker's memory stays flat.
+# glibc keeps freed memory in up to eight heaps a core. With two a worker's memory stays constant.
 WORKER = {"env_vars": {"MALLOC_ARENA_MAX": "2"}}
 
 
 def _throw(setup: Setup, first: int, trials: int, seed: int, brain: Any) -> tuple[bytes, float]:
-    """Rows of one shard, and how long they took."""
+    """Rows of one shard, and their computing time in seconds."""
     began = time.perf_counter()
     table = setup.evaluate(trials, seed=seed, first=first, threads=1, brain=brain)
     return table.jsonl, time.perf_counter() - began
@@ -42,11 +42,11 @@ def evaluate(
     progress: Callable[[int, int], object] | None = None,
     on_shard: Callable[[int, float], object] | None = None,
 ) -> Table:
-    """As ``Setup.evaluate``, in shards of ``shard`` throws on all cores of the cluster; the table has the same bytes.
+    """Evaluates as ``Setup.evaluate``, in shards of ``shard`` throws on all cores of the cluster; the table has the same bytes.
 
-    With ``path``, a folder in any file system of fsspec, each shard leaves its rows there as JSON lines and as Parquet, and an evaluation that was
-    stopped goes on with what is there. A shard whose worker died is thrown again elsewhere. ``on_shard`` is told the first throw of each shard that
-    is done, and how many seconds it took.
+    With ``path``, a folder in any file system of fsspec, each shard leaves its rows there as JSON lines and as Parquet. A stopped evaluation
+    continues from these files. A shard whose worker died is repeated elsewhere. ``on_shard`` receives the first throw of each finished
+    shard, and its duration in seconds.
     """
     for name, value, least in [("trials", trials, 1), ("shard", shard, 1), ("seed", seed, 0), ("first", first, 0)]:
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
@@ -91,9 +91,10 @@ def evaluate_study(
     progress: Callable[[int, int], object] | None = None,
     **keywords: Any,
 ) -> dict[str, Table]:
-    """As ``catchingbot eval --study``: a table for each step, with the bytes of its ``trials.jsonl``. ``trials`` are those of each object.
+    """Evaluates as ``catchingbot eval --study``: a table for each step, with the bytes of its ``trials.jsonl``.
 
-    ``study`` is a built-in name or a file that every worker can read. Other keywords are those of ``evaluate``.
+    ``trials`` is the number for each object, ``study`` a built-in name or a file that every worker can read. Other keywords are those of
+    ``evaluate``.
     """
     steps = _catchingbot.study_steps(study)
     counts = [-(-trials // throws) for _, _, throws in steps]
@@ -107,7 +108,7 @@ def evaluate_study(
             into = None if path is None else f"{path}/{name}/{condition}"
             rows.append(evaluate(setup, count, path=into, progress=tell, **keywords).jsonl.splitlines(keepends=True))
             before += count
-        # Throw by throw: first the first one in all conditions.
+        # Throw by throw, each in all conditions.
         tables[name] = Table.from_jsonl(b"".join(line for lines in zip(*rows, strict=True) for line in lines))
     return tables
 
@@ -127,7 +128,7 @@ class _Parts:
             self._put(name, json.dumps(identity, indent=1).encode())
 
     def _put(self, name: str, content: bytes) -> None:
-        """Writes a file as a whole, so that one that is there is complete."""
+        """Writes a file as a whole, so every existing file is complete."""
         self.files.pipe_file(f"{name}.unfinished", content)
         self.files.mv(f"{name}.unfinished", name)
 

@@ -12,7 +12,7 @@ from catchingbot import _catchingbot
 
 
 class Table(dict[str, np.ndarray]):
-    """The columns of an evaluation by their names, a row for each throw: ``polars.DataFrame(table)``, ``pandas.DataFrame(table)``.
+    """The columns of an evaluation by name, a row for each throw: ``polars.DataFrame(table)``, ``pandas.DataFrame(table)``.
 
     A missing number is NaN and a missing text is empty. ``jsonl`` holds the rows as ``catchingbot eval`` writes them.
     """
@@ -25,15 +25,15 @@ class Table(dict[str, np.ndarray]):
 
     @classmethod
     def from_jsonl(cls, jsonl: bytes) -> Table:
-        """The table of rows that ``catchingbot eval`` wrote to ``trials.jsonl``, or of several such files one after the other."""
+        """Creates the table from the rows of a ``trials.jsonl`` of ``catchingbot eval``, or of several in sequence."""
         return cls(_catchingbot.columns(jsonl), jsonl)
 
     def parquet(self) -> bytes:
-        """The file ``trials.parquet`` that ``catchingbot eval`` writes of such rows."""
+        """Returns the file ``trials.parquet`` that ``catchingbot eval`` writes of these rows."""
         return _catchingbot.parquet(self.jsonl)
 
     def rows(self) -> list[dict[str, Any]]:
-        """The rows as dicts, with everything that the columns leave out."""
+        """Returns the rows as dicts, with the fields that the columns leave out."""
         return [json.loads(line) for line in self.jsonl.splitlines()]
 
     def __reduce__(self) -> tuple[Any, ...]:
