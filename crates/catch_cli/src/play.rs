@@ -79,8 +79,8 @@ struct Document<'a> {
 /// # Errors
 /// A fault of the input; a page that cannot be written.
 pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
-    if !(0.0..=60.0).contains(&arguments.every) {
-        let expected = "0 to 60 seconds, all of which is simulated";
+    if !(0.0..=600.0).contains(&arguments.every) {
+        let expected = "0 to 600 seconds, all of which is simulated";
         return Err(InputError::new(COMMAND_LINE, "--every", arguments.every, expected).into());
     }
     let mut objects: Vec<&str> = arguments.objects.iter().map(String::as_str).collect();
