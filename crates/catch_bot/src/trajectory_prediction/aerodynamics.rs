@@ -348,7 +348,8 @@ pub(super) fn refine(
     Some(())
 }
 
-/// The E with which the drag matrix k·1 + E is what air can do: a body that it drove would have any speed soon.
+/// Deviation E with which the drag matrix k·1 + E brakes in all directions: a body that air drove would soon
+/// have any speed.
 fn braking(drag_per_m: f64, deviation: Matrix3<f64>) -> Matrix3<f64> {
     let drag = Matrix3::from_diagonal_element(drag_per_m);
     let mut along = (drag + deviation).symmetric_eigen();
