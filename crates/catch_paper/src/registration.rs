@@ -186,7 +186,7 @@ impl Icp<'_> {
         })
     }
 
-    /// The pose after all points were paired anew, the sum of the squared distances of the pairs before it, and
+    /// Pose after all points were paired anew, the sum of the squared distances of the pairs before it, and
     /// their mean distance.
     ///
     /// Sums over all pairs: means, and the covariance Σ (o − ō)(w − w̄)ᵀ = Σ o·wᵀ − n·ō·w̄ᵀ.
