@@ -24,12 +24,17 @@ type Right = (&'static str, Vec<u8>);
 pub fn loads() -> Vec<(String, Load<'static>)> {
     let mut loads: Vec<(String, Load)> = Vec::new();
     for (name, right) in objects() {
-        loads.push((format!("object import {name}"), import(vec![(name, right)])));
+        loads.push((format!("object import {name}"), import(vec![(name, right)], 0)));
     }
     let mesh = ("a.obj", obj(&solid()).into_bytes());
     for (name, right) in descriptions() {
-        loads.push((format!("object import {name} with a mesh"), import(vec![(name, right), mesh.clone()])));
+        loads.push((format!("object import {name} with a mesh"), import(vec![(name, right), mesh.clone()], 0)));
     }
+    let [_, (name, urdf)] = &descriptions()[..] else { unreachable!("two descriptions") };
+    let in_package = text(urdf.clone()).unwrap().replace("a.obj", "package://arm_support/a.obj").into_bytes();
+    let manifest = b"<?xml version=\"1.0\"?>\n<package format=\"3\">\n  <name>arm_support</name>\n</package>\n".to_vec();
+    let files = vec![("package.xml", manifest), (*name, in_package), mesh];
+    loads.push(("object import package.xml".into(), import(files, 1)));
     loads.extend(robots());
     let camera = "image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [600.0, 0.0, 320.0, 0.0, 600.0, 240.0, 0.0, 0.0, 1.0]\n\
                   distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0.0, 0.0, 0.0, 0.0, 0.0]\n";
@@ -58,8 +63,8 @@ fn solid() -> TriangleMesh {
     TriangleMesh::sphere(0.04, 1)
 }
 
-/// Changes the first of some files and imports an object from it.
-fn import(files: Vec<Right>) -> Load<'static> {
+/// Changes the first of some files and imports an object from number `described` of them.
+fn import(files: Vec<Right>, described: usize) -> Load<'static> {
     Box::new(move |it| {
         let folder = tempfile::tempdir().unwrap();
         for (i, (name, right)) in files.iter().enumerate() {
@@ -70,7 +75,7 @@ fn import(files: Vec<Right>) -> Load<'static> {
             };
             fs::write(folder.path().join(name), changed).unwrap();
         }
-        let path = folder.path().join(files[0].0);
+        let path = folder.path().join(files[described].0);
         ImportedObject::read(&path, "thing", &object_import::ImportOptions::default()).map(drop)
     })
 }
