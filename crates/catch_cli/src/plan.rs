@@ -1,8 +1,8 @@
 //! `catchingbot plan`: plans for catches that are described in a file.
 
-use catch_body::statistics::{median, quantile, sorted};
 use std::{path::PathBuf, time::Instant};
 
+use catch_body::statistics::{median, quantile, sorted};
 use catch_body::{Gripper, JointVector, Robot};
 use catch_bot::trajectory_optimization::{Config, MotionPlanner, PlanningFailure, Start};
 use catch_cell::arm::Setpoint;

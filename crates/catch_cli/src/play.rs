@@ -1,9 +1,9 @@
 //! `catchingbot play`: many throws in one life.
 
-use catch_body::statistics::wilson95;
 use std::{fmt::Write as _, path::PathBuf};
 
 use catch_body::InputError;
+use catch_body::statistics::wilson95;
 use catch_lab::{
     VERSION,
     assets::Kind,

@@ -1,6 +1,5 @@
 //! `catchingbot suite`: frozen benchmarks.
 
-use catch_body::statistics::wilson95;
 use std::{
     fmt::Write,
     fs, io,
@@ -10,6 +9,7 @@ use std::{
 
 use anyhow::Context;
 use catch_body::InputError;
+use catch_body::statistics::wilson95;
 use catch_lab::{
     VERSION,
     evaluation::{MOST_THREADS, Row, cell_summary::CellSummary, summary_table::plain},

@@ -5,10 +5,10 @@ mod throws;
 mod training_objects;
 mod weights;
 
-use catch_body::statistics::paired95;
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use catch_body::statistics::paired95;
 use catch_lab::scenario::setup::{Choice, Setup};
 
 use crate::{

@@ -1,11 +1,11 @@
 //! Cost of a wrong belief: one figure of the brain's model wrong at a time, on the same throws as with the
 //! right one.
 
-use catch_body::statistics::paired95;
 use std::{fs, path::PathBuf};
 
 use anyhow::{Context, Result};
 use catch_body::TriangleMesh;
+use catch_body::statistics::paired95;
 use catch_cell::reference_scan;
 use catch_lab::{
     assets::Kind,

@@ -1,9 +1,9 @@
 //! Catch rates with rigs of a few near cameras.
 
-use catch_body::statistics::wilson95;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
+use catch_body::statistics::wilson95;
 use catch_lab::{
     assets::Kind,
     scenario::setup::{Choice, Setup},

@@ -1,9 +1,9 @@
 //! Catch rates of a condition, of the throws within reach.
 
-use catch_body::statistics::wilson95;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
+use catch_body::statistics::wilson95;
 use catch_lab::{
     evaluation::{Cell, Evaluation, Row},
     parallel,

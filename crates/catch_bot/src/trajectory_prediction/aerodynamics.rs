@@ -13,7 +13,7 @@ use nalgebra::{Cholesky, Const, Matrix3, Rotation3, SMatrix, SVector, Unit, Unit
 use serde::{Deserialize, Serialize};
 
 use super::{
-    AerodynamicForces, Config, FlightTrajectory, LEAST_DRAG_PER_M, MOST_DRAG_PER_M,
+    AerodynamicForces, Config, FlightTrajectory, LEAST_DRAG_PER_M,
     correlated_error::CorrelatedSums,
     process_noise::{add_product, after_impulse, lost_square},
 };
@@ -279,7 +279,7 @@ impl<'a> Model<'a> {
         let Self { config, basis, centres, unseen, has_lift } = self;
         flight.p_WOcm = x.fixed_rows::<3>(0).into_owned().into();
         flight.v_WOcm = x.fixed_rows::<3>(3).into_owned();
-        flight.drag_per_m = x[DRAG].clamp(LEAST_DRAG_PER_M, MOST_DRAG_PER_M);
+        flight.drag_per_m = x[DRAG].clamp(LEAST_DRAG_PER_M, config.most_drag_per_m());
         flight.covariance = covariance.fixed_view::<7, 7>(0, 0).into_owned();
         if config.com_sd_m() > 0.0 {
             flight.com_O = centres * x.fixed_rows::<3>(COM);
@@ -290,7 +290,7 @@ impl<'a> Model<'a> {
         if config.aerodynamics.any() {
             let deviation = basis.iter().enumerate().map(|(i, unit)| unit * x[DEVIATION + i]).sum();
             flight.forces = AerodynamicForces {
-                drag_deviation_O: braking(flight.drag_per_m, deviation),
+                drag_deviation_O: braking(flight.drag_per_m, deviation, config.most_drag_per_m()),
                 magnus: if *has_lift { x[MAGNUS] } else { 0.0 },
                 ..AerodynamicForces::default()
             };
@@ -350,13 +350,13 @@ pub(super) fn refine(
 
 /// Deviation E with which the drag matrix k·1 + E brakes in all directions: a body that air drove would soon
 /// have any speed.
-fn braking(drag_per_m: f64, deviation: Matrix3<f64>) -> Matrix3<f64> {
+fn braking(drag_per_m: f64, deviation: Matrix3<f64>, most_per_m: f64) -> Matrix3<f64> {
     let drag = Matrix3::from_diagonal_element(drag_per_m);
     let mut along = (drag + deviation).symmetric_eigen();
-    if along.eigenvalues.iter().all(|it| (LEAST_DRAG_PER_M..=MOST_DRAG_PER_M).contains(it)) {
+    if along.eigenvalues.iter().all(|it| (LEAST_DRAG_PER_M..=most_per_m).contains(it)) {
         return deviation;
     }
-    along.eigenvalues.apply(|it| *it = it.clamp(LEAST_DRAG_PER_M, MOST_DRAG_PER_M));
+    along.eigenvalues.apply(|it| *it = it.clamp(LEAST_DRAG_PER_M, most_per_m));
     along.recompose() - drag
 }
 
@@ -378,11 +378,13 @@ mod tests {
         for deviation in [Vector3::new(-10.0, 4.0, 6.0), Vector3::new(0.5, -0.1, -0.4), Vector3::new(3.0, 3.0, -6.0)] {
             let axes = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.7, 0.5)).to_rotation_matrix();
             let found = axes * Matrix3::from_diagonal(&deviation) * axes.inverse();
-            let drag = Matrix3::identity() * 0.02 + braking(0.02, found);
+            let drag = Matrix3::identity() * 0.02 + braking(0.02, found, 1.0);
             let along = drag.symmetric_eigenvalues();
-            assert!(along.min() > LEAST_DRAG_PER_M - 1e-9 && along.max() < MOST_DRAG_PER_M + 1e-9, "{along}");
+            assert!(along.min() > LEAST_DRAG_PER_M - 1e-9 && along.max() < 1.0 + 1e-9, "{along}");
         }
         let plausible = Matrix3::from_diagonal(&Vector3::new(0.01, -0.02, 0.01));
-        assert_eq!(braking(0.02, plausible), plausible);
+        assert_eq!(braking(0.02, plausible, 1.0), plausible);
+        // Drag of a feather, known beforehand.
+        assert_eq!(braking(3.0, plausible, 3.1), plausible);
     }
 }

@@ -112,6 +112,11 @@ impl Config {
         self.drag_prior_sd_per_m.unwrap_or_default()
     }
 
+    /// Largest drag constant that a flight may be found to have, in 1/m: what is expected is always possible.
+    fn most_drag_per_m(&self) -> f64 {
+        MOST_DRAG_PER_M.max(self.drag_per_m())
+    }
+
     /// Standard deviation of the centre of mass.
     fn com_sd_m(&self) -> f64 {
         self.com_sd_m.unwrap_or_default()

@@ -1,8 +1,8 @@
 //! Summary of the trials of one object and one throw.
 
-use catch_body::statistics::{median, wilson95};
 use std::collections::BTreeMap;
 
+use catch_body::statistics::{median, wilson95};
 use serde::Serialize;
 
 use crate::referee::{Row, reason::Reason};

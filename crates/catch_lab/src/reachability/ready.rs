@@ -6,9 +6,9 @@
 //! it cannot catch costs most. Poses near the best one so far are tried at random, in ever smaller steps.
 //! What the best one is worth is told by throws that it was not chosen for.
 
-use catch_body::statistics::median;
 use std::sync::Arc;
 
+use catch_body::statistics::median;
 use catch_body::{
     JointVector,
     clearance::ArmClearance,

@@ -7,10 +7,10 @@
 //! something stops, make that too late and never too early; so the earliest one over the sensed widths of a
 //! move counts, between the times of two observations. Half a step of the sensor is allowed for.
 
-use catch_body::statistics::{quantile, sorted};
 use std::path::{Path, PathBuf};
 
 use catch_body::InputError;
+use catch_body::statistics::{quantile, sorted};
 use catch_bot::grasp_selection::Closing;
 use catch_cell::{Command, GripperQueue};
 use serde::Serialize;

@@ -1,8 +1,8 @@
 //! Plots of an evaluation as SVG, for papers.
 
-use catch_body::statistics::sorted;
 use std::{error::Error, path::Path};
 
+use catch_body::statistics::sorted;
 use plotters::{coord::Shift, prelude::*};
 
 use crate::pages::report_page::Report;

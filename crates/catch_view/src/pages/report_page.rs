@@ -4,10 +4,10 @@ mod misses;
 mod rows;
 mod study;
 
-use catch_body::statistics::{quantile, sorted};
 use std::{collections::BTreeMap, fmt::Write};
 
 use crate::pages::{document, packed::text_in_html};
+use catch_body::statistics::{quantile, sorted};
 use catch_lab::{
     VERSION,
     evaluation::{

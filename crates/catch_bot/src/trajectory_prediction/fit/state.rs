@@ -2,7 +2,7 @@
 
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 
-use super::super::{Config, FlightTrajectory, LEAST_DRAG_PER_M, LocalFlight, MOST_DRAG_PER_M};
+use super::super::{Config, FlightTrajectory, LEAST_DRAG_PER_M, LocalFlight};
 
 /// Number of parameters: position, velocity, drag constant, orientation, angular velocity, decay of the spin.
 pub const N: usize = 14;
@@ -56,7 +56,7 @@ impl State {
         Self {
             p: self.p + step.fixed_rows::<3>(0),
             v: self.v + step.fixed_rows::<3>(3),
-            drag_per_m: (self.drag_per_m + drag_step).clamp(least.min(config.drag_per_m()), MOST_DRAG_PER_M),
+            drag_per_m: (self.drag_per_m + drag_step).clamp(least.min(config.drag_per_m()), config.most_drag_per_m()),
             R_WO: UnitQuaternion::from_scaled_axis(turn * (0.5 / turn.norm()).min(1.0)) * self.R_WO,
             w: self.w + step.fixed_rows::<3>(SPIN),
             decay_per_s: (self.decay_per_s + decay_step)

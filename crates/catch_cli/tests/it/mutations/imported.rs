@@ -32,7 +32,8 @@ pub fn loads() -> Vec<(String, Load<'static>)> {
     }
     let [_, (name, urdf)] = &descriptions()[..] else { unreachable!("two descriptions") };
     let in_package = text(urdf.clone()).unwrap().replace("a.obj", "package://arm_support/a.obj").into_bytes();
-    let manifest = b"<?xml version=\"1.0\"?>\n<package format=\"3\">\n  <name>arm_support</name>\n</package>\n".to_vec();
+    let manifest =
+        b"<?xml version=\"1.0\"?>\n<package format=\"3\">\n  <name>arm_support</name>\n</package>\n".to_vec();
     let files = vec![("package.xml", manifest), (*name, in_package), mesh];
     loads.push(("object import package.xml".into(), import(files, 1)));
     loads.extend(robots());
