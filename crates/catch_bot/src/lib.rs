@@ -213,8 +213,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
     /// A tick without images: what the last ones showed has been acted on.
     fn wait_for_images(&mut self, observation: &Observation) -> Command {
         let status = self.report.status.without_images(self.controller.plan().is_some());
-        let windows = |flight| self.tracker.windows(observation, flight, &self.known);
-        let windows = self.flight.as_ref().and_then(windows);
+        let windows = self.tracker.windows(observation, self.flight.as_ref(), &self.known);
         self.close_report(status, None, Command { windows, ..Command::default() })
     }
 
@@ -231,7 +230,8 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
         let flight = self.predictor.predict(self.tracker.poses(), self.flight.as_ref());
         probe.stage_ended("trajectory_prediction");
         let Ok(mut flight) = flight else {
-            return self.close_report(Status::NoTrajectory, pose, Command::default());
+            let windows = self.tracker.windows(observation, None, &self.known);
+            return self.close_report(Status::NoTrajectory, pose, Command { windows, ..Command::default() });
         };
         if let Some(previous) = &self.flight {
             let R_WO = previous.pose_at(flight.time_s).rotation;
@@ -253,7 +253,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
 
         let status = decision.status;
         let mut command = self.controller.command(observation, decision, &flight);
-        command.windows = self.tracker.windows(observation, &flight, &self.known);
+        command.windows = self.tracker.windows(observation, Some(&flight), &self.known);
         self.flight = Some(flight);
         probe.stage_ended("control");
         self.close_report(status, pose, command)

@@ -1,10 +1,11 @@
 //! The tracker: what was sensed lately, the cameras as far as they are aligned, and the object's poses so
 //! far.
 
-use std::{borrow::Cow, collections::VecDeque};
+use std::{borrow::Cow, collections::VecDeque, ops::RangeInclusive};
 
-use catch_body::{JointVector, Pose, Twist};
+use catch_body::{JointVector, Pose, Twist, dynamics::gravity};
 use catch_cell::{CameraModel, DepthFrame, Observation, PixelWindow};
+use nalgebra::Vector3;
 
 use crate::{
     perception::{
@@ -21,6 +22,10 @@ const SENSED: usize = 64;
 const TOGETHER_S: f64 = 0.01;
 /// An object that has not been seen for this long is looked for everywhere, in seconds.
 const LOST_AFTER_S: f64 = 0.05;
+/// Times between the first pose and the newest that tell a velocity, in seconds.
+const PARABOLA_S: RangeInclusive<f64> = 0.005..=0.15;
+/// Error of a pose before there is a flight, in metres.
+const POSE_ERROR_M: f64 = 0.03;
 /// Poses that are remembered, more than any prediction looks back at.
 const POSES: usize = 1024;
 
@@ -31,6 +36,23 @@ struct Sensed {
     q: JointVector,
     /// Aperture of the gripper.
     width_m: f64,
+}
+
+/// Where the object will be in the next images.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    /// Capture time of the newest image that it was seen in.
+    seen_s: f64,
+    p_WO: Vector3<f64>,
+    v_WO: Vector3<f64>,
+    uncertainty_m: f64,
+}
+
+impl Place {
+    fn on_flight(flight: &FlightTrajectory, time_s: f64) -> Self {
+        let (p_WO, v_WO) = (flight.pose_at(time_s).translation.vector, flight.twist_at(time_s).linear);
+        Self { seen_s: flight.time_s, p_WO, v_WO, uncertainty_m: 3.0 * flight.position_sd_at(time_s) }
+    }
 }
 
 /// Observations of the arm and of the object.
@@ -180,21 +202,35 @@ impl Tracker {
     pub fn windows(
         &self,
         observation: &Observation,
-        flight: &FlightTrajectory,
+        flight: Option<&FlightTrajectory>,
         known: &Preparation,
     ) -> Option<Vec<PixelWindow>> {
-        self.unlabelled_s.filter(|newest_s| *newest_s <= flight.time_s + LOST_AFTER_S)?;
         let mut sensed_s = self.sensed.iter().rev().map(|sensed| sensed.time_s);
         let period_s = sensed_s.next().zip(sensed_s.next()).map_or(0.0, |(now_s, before_s)| now_s - before_s);
         let next_s = observation.time_s + period_s;
-        let (p_WO, v_WO) = (flight.pose_at(next_s).translation.vector, flight.twist_at(next_s).linear);
-        let uncertainty_m = 3.0 * flight.position_sd_at(next_s) + v_WO.norm() * period_s;
-        let radius_m = known.reference().radius_m + GATE_M + uncertainty_m;
+        let place = flight.map_or_else(|| self.on_parabola(next_s), |flight| Some(Place::on_flight(flight, next_s)))?;
+        self.unlabelled_s.filter(|newest_s| *newest_s <= place.seen_s + LOST_AFTER_S)?;
+        let radius_m = known.reference().radius_m + GATE_M + place.uncertainty_m + place.v_WO.norm() * period_s;
         let window = |(camera, left_out): (&CameraModel, &bool)| match left_out {
             true => PixelWindow::default(),
-            false => camera.window_around(&camera.X_WC.inverse_transform_point(&p_WO.into()), radius_m),
+            false => camera.window_around(&camera.X_WC.inverse_transform_point(&place.p_WO.into()), radius_m),
         };
         Some(self.alignment.cameras().iter().zip(self.health.left_out()).map(window).collect())
+    }
+
+    /// Where the object is before there is a flight: on the parabola through the first pose and the newest.
+    fn on_parabola(&self, time_s: f64) -> Option<Place> {
+        let (first, last) = (self.poses.first()?, self.poses.last()?);
+        let (span_s, ahead_s) = (last.capture_s - first.capture_s, time_s - last.capture_s);
+        if !PARABOLA_S.contains(&span_s) {
+            return None;
+        }
+        let [first_W, last_W] = [first, last].map(|pose| pose.X_WO.translation.vector);
+        let v_WO = (last_W - first_W) / span_s + gravity() * (0.5 * span_s + ahead_s);
+        let p_WO = last_W + (v_WO - gravity() * (0.5 * ahead_s)) * ahead_s;
+        // Errors of both poses, as if they were opposite to each other.
+        let uncertainty_m = POSE_ERROR_M * (1.0 + 2.0 * ahead_s / span_s);
+        Some(Place { seen_s: last.capture_s, p_WO, v_WO, uncertainty_m })
     }
 
     /// Expected pose of the object: on the last flight, or, before there is one, the last measured pose. The
@@ -248,7 +284,7 @@ fn together(frames: &[DepthFrame], moves_as_known: bool) -> usize {
 mod tests {
     use catch_body::{Gripper, Robot, robot_file::RobotFiles};
     use catch_cell::{ArmState, GraspState, GripperState, Setpoint};
-    use nalgebra::{Matrix6, Vector3};
+    use nalgebra::Matrix6;
 
     use super::*;
     use crate::{
