@@ -28,7 +28,8 @@ const BOX_PADDING: f64 = 1e-5;
 #[derive(Debug, Clone)]
 pub struct RayCaster {
     hierarchy: CwBvh,
-    /// Triangles in the order in which the leaves of the hierarchy refer to them.
+    /// The mesh, its triangles in the order in which the leaves of the hierarchy refer to them.
+    mesh: TriangleMesh,
     triangles: Vec<Triangle>,
     centre: Point3<f64>,
     radius: f64,
@@ -61,10 +62,12 @@ impl RayCaster {
         );
         ReinsertionOptimizer::default().run(&mut binary, 0.1, None);
         let hierarchy = bvh2_to_cwbvh(&binary, 3, true, false);
-        let triangles =
-            hierarchy.primitive_indices.iter().map(|&index| Triangle::new(mesh.corners(index as usize))).collect();
+        let order = hierarchy.primitive_indices.iter().map(|&index| index as usize);
+        let triangles = order.clone().map(|index| Triangle::new(mesh.corners(index))).collect();
+        let in_order = order.map(|index| mesh.triangles[index]).collect();
+        let mesh = TriangleMesh { vertices: mesh.vertices.clone(), triangles: in_order };
         let half_size = (around.size / 2.0).add_scalar(radius * BOX_PADDING);
-        Self { hierarchy, triangles, centre, radius, half_size }
+        Self { hierarchy, mesh, triangles, centre, radius, half_size }
     }
 
     /// Centre of a ball that holds the mesh.
@@ -83,35 +86,33 @@ impl RayCaster {
         self.half_size
     }
 
+    /// The mesh, its triangles in an order of their own.
+    pub fn mesh(&self) -> &TriangleMesh {
+        &self.mesh
+    }
+
+    /// Outward normal of a triangle of [`Self::mesh`], of length one.
+    pub fn normal(&self, triangle: usize) -> Vector3<f64> {
+        let [e1, e2] = self.triangles[triangle].edges;
+        e1.cross(&e2).normalize()
+    }
+
+    /// Where a ray meets a triangle of [`Self::mesh`].
+    pub fn cast_at(&self, triangle: usize, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<Hit> {
+        self.triangles[triangle].intersect(origin, direction).map(|t| Hit { t, triangle })
+    }
+
     /// The smallest t ≥ 0 at which origin + t·direction lies on the surface, seen from either side; `None` if
     /// there is none.
     ///
     /// The direction may have any length but zero: t counts in its multiples, metres for a unit vector.
     pub fn cast(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<f64> {
-        self.cast_within(origin, direction, f64::INFINITY)
+        self.cast_within(origin, direction, f64::INFINITY).map(|hit| hit.t)
     }
 
-    /// Casts a ray as [`Self::cast`] does, but only as far as `limit`, which spares searching behind it.
-    pub fn cast_within(&self, origin: &Point3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<f64> {
-        self.nearest(origin, direction, limit).map(|(t, _)| t)
-    }
-
-    /// Casts a ray as [`Self::cast_within`] does; also returns the outward normal of the triangle that was
-    /// met, of length one.
-    pub fn cast_to_face(
-        &self,
-        origin: &Point3<f64>,
-        direction: &Vector3<f64>,
-        limit: f64,
-    ) -> Option<(f64, Vector3<f64>)> {
-        self.nearest(origin, direction, limit).map(|(t, index)| {
-            let [e1, e2] = self.triangles[index].edges;
-            (t, e1.cross(&e2).normalize())
-        })
-    }
-
-    /// The nearest triangle that a ray meets before `limit`, and where.
-    fn nearest(&self, origin: &Point3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<(f64, usize)> {
+    /// Casts a ray as [`Self::cast`] does, but only as far as `limit`, which spares searching behind it. Of
+    /// triangles that are equally near the first of [`Self::mesh`] is hit.
+    pub fn cast_within(&self, origin: &Point3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<Hit> {
         let (start, squared) = (origin - self.centre, direction.norm_squared());
         let nearest = -start.dot(direction) / squared;
         let miss = (start + direction * nearest).norm_squared();
@@ -146,17 +147,33 @@ impl RayCaster {
         let along = single((direction / speed).add_scalar(0.0));
         let ray = Ray::new(single(start + direction * entry), along, 0.0, bound(limit));
 
-        let (mut first, mut face) = (limit, 0);
-        self.hierarchy.ray_traverse(ray, &mut RayHit::none(), |_, index| {
-            match self.triangles[index].intersect(origin, direction) {
-                Some(t) if t < first => {
-                    (first, face) = (t, index);
-                    bound(t)
+        let mut first = Hit { t: limit, triangle: 0 };
+        self.hierarchy.ray_traverse(ray, &mut RayHit::none(), |_, triangle| {
+            match self.cast_at(triangle, origin, direction) {
+                Some(hit) if hit.is_before(&first) => {
+                    first = hit;
+                    bound(hit.t)
                 }
                 _ => f32::INFINITY,
             }
         });
-        (first < limit).then_some((first, face))
+        (first.t < limit).then_some(first)
+    }
+}
+
+/// Where a ray meets a mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Parameter of the ray, in multiples of its direction.
+    pub t: f64,
+    /// Number of the triangle in [`RayCaster::mesh`].
+    pub triangle: usize,
+}
+
+impl Hit {
+    /// Returns whether it is nearer than another, or as near and on an earlier triangle.
+    pub fn is_before(&self, other: &Self) -> bool {
+        self.t < other.t || (self.t == other.t && self.triangle < other.triangle)
     }
 }
 
@@ -269,7 +286,7 @@ mod tests {
                 prop_assert_eq!(caster.cast(&origin, &direction), expected);
                 for limit in [0.5, 1.0, 1.0 + 1e-12].map(|part| part * expected.unwrap_or(1.0)) {
                     let before = expected.filter(|t| *t < limit);
-                    prop_assert_eq!(caster.cast_within(&origin, &direction, limit), before);
+                    prop_assert_eq!(caster.cast_within(&origin, &direction, limit).map(|hit| hit.t), before);
                 }
             }
         }

@@ -10,9 +10,10 @@ use catch_body::ray_cast::SurfacePart;
 use super::{
     AveragedImage, Config,
     measurement::{Measurement, Quantity},
-    rendering::{Hit, Rendering, ray},
+    rendering::{Hit, Rendering},
 };
 use catch_cell::CameraModel;
+use nalgebra::Point2;
 
 /// Neighbours whose 1/z differ by so many standard deviations are at a depth edge.
 const JUMP_SD: f64 = 3.0;
@@ -33,7 +34,7 @@ pub fn measure(
         let is_usable = |it: &&Hit| it.cosine > least_cosine && it.part != SurfacePart::Obstacle;
         let Some(hit) = hit.as_ref().filter(is_usable).filter(|_| !beside_edge[i]) else { continue };
         let (column, row) = (window.left as usize + i % wide, window.top as usize + i / wide);
-        let ray_C = ray(camera, column as f64 + 0.5, row as f64 + 0.5);
+        let ray_C = camera.back_project(&Point2::new(column as f64 + 0.5, row as f64 + 0.5), 1.0).coords;
         let facing = hit.normal_C.dot(&ray_C);
         let (shows, weight) = match image {
             None => (hit.inverse_m, 1.0),

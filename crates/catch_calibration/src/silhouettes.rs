@@ -8,13 +8,13 @@
 
 use catch_body::ray_cast::SurfacePart;
 use catch_cell::CameraModel;
-use nalgebra::Vector3;
+use nalgebra::{Point2, Vector3};
 
 use super::{
     AveragedImage, Config,
     averaged_image::StillImage,
     measurement::{Measurement, Quantity},
-    rendering::{Hit, Rendering, ray},
+    rendering::{Hit, Rendering},
 };
 
 /// Steps in which a silhouette is found between two pixels: to a 256th.
@@ -53,11 +53,9 @@ pub fn measure(
         for it in crossings.iter().filter(|it| it.slope.abs() <= STEEPEST && it.hit.part != SurfacePart::Obstacle) {
             let (left, top) = (f64::from(rendering.window.left), f64::from(rendering.window.top));
             let across = it.line as f64 + 0.5;
-            let ray_C = if along_row {
-                ray(camera, left + it.at_px, top + across)
-            } else {
-                ray(camera, left + across, top + it.at_px)
-            };
+            let (u_px, v_px) =
+                if along_row { (left + it.at_px, top + across) } else { (left + across, top + it.at_px) };
+            let ray_C = camera.back_project(&Point2::new(u_px, v_px), 1.0).coords;
             // Outward along the line, and the third component such that it is perpendicular to the ray.
             let outward = if it.begins { -1.0 } else { 1.0 };
             let (nx, ny) = if along_row { (outward, -outward * it.slope) } else { (-outward * it.slope, outward) };

@@ -1,5 +1,7 @@
 //! Depth cameras, their images, and the scan of an object that is known beforehand.
 
+use std::ops::Range;
+
 use catch_body::{Pose, quantity};
 use nalgebra::{Point2, Point3};
 use serde::{Deserialize, Serialize};
@@ -106,6 +108,23 @@ pub struct PixelWindow {
 }
 
 impl PixelWindow {
+    /// The window of some columns and rows.
+    pub fn of(columns: &Range<u32>, rows: &Range<u32>) -> Self {
+        let empty = columns.is_empty() || rows.is_empty();
+        let [columns, rows] = if empty { [0..0, 0..0] } else { [columns.clone(), rows.clone()] };
+        Self { left: columns.start, top: rows.start, width: columns.end - columns.start, height: rows.end - rows.start }
+    }
+
+    /// Columns of the image.
+    pub fn columns(&self) -> Range<u32> {
+        self.left..self.left.saturating_add(self.width)
+    }
+
+    /// Rows of the image.
+    pub fn rows(&self) -> Range<u32> {
+        self.top..self.top.saturating_add(self.height)
+    }
+
     /// Number of pixels.
     pub fn area(&self) -> usize {
         self.width as usize * self.height as usize
@@ -116,6 +135,16 @@ impl PixelWindow {
         let width = self.width as usize;
         let (column, row) = (index % width, index / width);
         Point2::new(f64::from(self.left) + column as f64 + 0.5, f64::from(self.top) + row as f64 + 0.5)
+    }
+
+    /// The window with so many pixels more on each side, cut to another; one that is empty stays so.
+    pub fn widened(&self, margin_px: u32, within: &Self) -> Self {
+        if self.area() == 0 {
+            return *self;
+        }
+        let (left, top) = (self.left.saturating_sub(margin_px), self.top.saturating_sub(margin_px));
+        let (width, height) = (self.left - left + self.width + margin_px, self.top - top + self.height + margin_px);
+        Self { left, top, width, height }.intersection(within)
     }
 
     /// The pixels that it shares with another window; where there are none, an empty window in its own first

@@ -34,6 +34,7 @@ mod rejection;
 mod rig;
 mod rig_calibration;
 mod run;
+pub mod sight;
 pub mod spline;
 
 pub use arm::{ArmState, ArmTrajectory, RejectedTrajectory, TrajectoryId};

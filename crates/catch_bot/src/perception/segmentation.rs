@@ -9,10 +9,13 @@
 use catch_body::{
     Pose,
     kinematics::LinkPoses,
-    ray_cast::{ArmSurface, RayCaster, SurfacePart},
+    ray_cast::{ArmSurface, Hit, RayCaster, SurfacePart},
     workcell::FLOOR_Z_M,
 };
-use catch_cell::{CameraModel, DepthFrame, PixelWindow};
+use catch_cell::{
+    CameraModel, DepthFrame, PixelWindow,
+    sight::{DepthBuffer, Sight},
+};
 use nalgebra::{Point2, Point3, Vector3};
 
 use super::Config;
@@ -46,13 +49,10 @@ const RUN: usize = 8;
 /// Most bodies that an arm consists of.
 const MAX_BODIES: usize = 16;
 
-/// Centre in C, radius, pose of C in the body's frame, and surface of a body.
-type BodyInSight<'a> = (Point3<f64>, f64, Pose, &'a RayCaster);
-
 /// Expected view of one camera without the object.
 pub struct Background<'a> {
     camera: &'a CameraModel,
-    bodies: [Option<BodyInSight<'a>>; MAX_BODIES],
+    bodies: [Option<Sight<'a>>; MAX_BODIES],
     /// Height of the camera over the floor and the vertical in C.
     floor: Option<(f64, Vector3<f64>)>,
     /// Distance beside an edge of these bodies within which a pixel may show them, in pixels.
@@ -84,46 +84,26 @@ impl<'a> Background<'a> {
         part: &PixelWindow,
         config: &Config,
     ) -> Self {
-        let mut bodies = [None; MAX_BODIES];
-        let mut count = 0;
-        for (X_WB, caster) in parts {
-            let centre_C = camera.X_WC.inverse_transform_point(&(X_WB * caster.centre()));
-            let covered = camera.window_around(&centre_C, caster.radius());
-            let too_near = centre_C.z.abs() <= caster.radius();
-            if count < MAX_BODIES && (too_near || part.intersection(&covered).area() > 0) {
-                bodies[count] = Some((centre_C, caster.radius(), X_WB.inv_mul(&camera.X_WC), caster));
-                count += 1;
-            }
-        }
+        let bleeding_px = bleeding_px(config);
+        let around = part.widened(bleeding_px, &camera.full_window());
+        let in_sight = parts.map(|(X_WB, surface)| Sight::new(camera, &X_WB, surface));
+        let mut in_sight = in_sight.filter(|it| it.window().intersection(&around).area() > 0);
+        let bodies = std::array::from_fn(|_| in_sight.next());
         let up_C = camera.X_WC.rotation.inverse() * Vector3::z();
         let floor = config.sees_floor().then_some((camera.X_WC.translation.z - FLOOR_Z_M, up_C));
-        Self { camera, bodies, floor, bleeding_px: bleeding_px(config) }
+        Self { camera, bodies, floor, bleeding_px }
     }
 
     /// Depths of the full image, row by row.
     pub fn cast_all(&self, depths_m: &mut Vec<f32>) {
         let window = self.camera.full_window();
+        let seen = DepthBuffer::new(window, self.bodies.iter().flatten().copied());
+        let depth_m = |(i, seen): (usize, Option<(usize, Hit)>)| {
+            let floor_m = self.floor.map(|_| self.floor_m(&self.camera.back_project(&window.pixel_centre(i), 1.0).coords));
+            seen.map_or(f64::INFINITY, |(_, hit)| hit.t).min(floor_m.unwrap_or(f64::INFINITY)) as f32
+        };
         depths_m.clear();
-        if self.floor.is_some() {
-            let floor_m = |i| self.floor_m(&self.camera.back_project(&window.pixel_centre(i), 1.0).coords) as f32;
-            depths_m.extend((0..window.area()).map(floor_m));
-        } else {
-            depths_m.resize(window.area(), f32::INFINITY);
-        }
-        for body in self.bodies.iter().flatten() {
-            let (centre_C, radius_m, ..) = body;
-            let too_near = centre_C.z.abs() <= *radius_m;
-            let part = if too_near { window } else { self.camera.window_around(centre_C, *radius_m) };
-            let part = window.intersection(&part);
-            for row in part.top..part.top + part.height {
-                for column in part.left..part.left + part.width {
-                    let uv = Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
-                    let depth_m = &mut depths_m[(row * window.width + column) as usize];
-                    let ray_C = self.camera.back_project(&uv, 1.0).coords;
-                    *depth_m = body_m(body, &ray_C, f64::from(*depth_m)) as f32;
-                }
-            }
-        }
+        depths_m.extend(seen.pixels().enumerate().map(depth_m));
     }
 
     /// Depth of the floor along a ray whose third component is one.
@@ -167,14 +147,8 @@ impl<'a> Background<'a> {
 }
 
 /// Depth of a body along a ray whose third component is one, if it is nearer than `nearest_m`, else that.
-fn body_m((centre_C, radius_m, X_BC, caster): &BodyInSight<'_>, ray_C: &Vector3<f64>, nearest_m: f64) -> f64 {
-    let along = centre_C.coords.dot(ray_C) / ray_C.norm_squared();
-    if (centre_C.coords - ray_C * along).norm_squared() > radius_m * radius_m {
-        return nearest_m;
-    }
-    // The ray's third component is one: its parameter is the depth.
-    let origin = Point3::from(X_BC.translation.vector);
-    caster.cast_within(&origin, &(X_BC.rotation * ray_C), nearest_m).unwrap_or(nearest_m)
+fn body_m(body: &Sight<'_>, ray_C: &Vector3<f64>, nearest_m: f64) -> f64 {
+    body.along(ray_C, nearest_m).map_or(nearest_m, |hit| hit.t)
 }
 
 /// Standard deviations of depth noise by which a pixel must be nearer than what is known to be there. Of 2.4

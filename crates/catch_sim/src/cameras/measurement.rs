@@ -12,7 +12,7 @@ use crate::{
 use super::{
     Readout, Renderer, Scene,
     counter_generator::{self, Key},
-    render::{Channels, Image, widened},
+    render::{Channels, Image},
 };
 
 /// The cameras of one scene: where they truly stand, and the random streams of their images.
@@ -155,7 +155,7 @@ impl DepthCameras {
             }
             let window = view.window(index, camera, readout, edge_px);
             // A pixel's measurement depends on its neighbours too.
-            let exact = view.image(camera, widened(camera, &window, edge_px), channels);
+            let exact = view.image(camera, window.widened(edge_px, &camera.full_window()), channels);
             let hidden = self.holes.as_ref().map(|holes| holes.pixels(&exact.part(window), scene.X_WO));
             let pixels = key.part(Place::Pixels as u64);
             let mut image = match (&self.config.model, stereo) {

@@ -4,7 +4,7 @@ use catch_body::{
     Pose, Robot,
     ray_cast::{ArmSurface, RayCaster},
 };
-use catch_cell::{CameraModel, PixelWindow};
+use catch_cell::{CameraModel, PixelWindow, sight::Sight};
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
 use super::{
@@ -49,13 +49,10 @@ pub struct Shader {
 struct Body<'a> {
     X_WB: Pose,
     R_BW: Matrix3<f64>,
-    /// Position of the camera in the body's frame.
-    p_BC: Point3<f64>,
     /// Centre of a ball that holds the body; its radius is the caster's.
     centre_W: Point3<f64>,
-    /// The pixels that it may cover.
-    window: PixelWindow,
     caster: &'a RayCaster,
+    sight: Sight<'a>,
     colour: Colour,
 }
 
@@ -119,16 +116,13 @@ impl Shader {
         colours
     }
 
-    fn body<'a>(&self, X_WB: Pose, caster: &'a RayCaster, colour: Colour) -> Body<'a> {
-        let centre_W = X_WB * caster.centre();
-        let centre_C = self.camera.X_WC.inverse_transform_point(&centre_W);
+    fn body<'a>(&'a self, X_WB: Pose, caster: &'a RayCaster, colour: Colour) -> Body<'a> {
         Body {
             X_WB,
             R_BW: X_WB.rotation.inverse().to_rotation_matrix().into_inner(),
-            p_BC: X_WB.inverse_transform_point(&self.camera.X_WC.translation.vector.into()),
-            centre_W,
-            window: self.camera.window_around(&centre_C, caster.radius()),
+            centre_W: X_WB * caster.centre(),
             caster,
+            sight: Sight::new(&self.camera, &X_WB, caster),
             colour,
         }
     }
@@ -152,10 +146,10 @@ impl Shader {
         let direction = self.camera.X_WC.rotation * self.camera.back_project(uv, 1.0).coords;
         let mut seen = Seen { colour: [0.0; 3], depth_m: f64::INFINITY, body: usize::MAX };
         let mut normal = Vector3::z();
-        for (i, body) in bodies.iter().enumerate().filter(|(_, body)| contains(&body.window, uv)) {
-            if let Some((t, normal_B)) = body.caster.cast_to_face(&body.p_BC, &(body.R_BW * direction), seen.depth_m) {
-                seen = Seen { depth_m: t, body: i, ..seen };
-                normal = body.R_BW.tr_mul(&normal_B);
+        for (i, body) in bodies.iter().enumerate().filter(|(_, body)| contains(&body.sight.window(), uv)) {
+            if let Some(hit) = body.sight.at(uv, seen.depth_m) {
+                seen = Seen { depth_m: hit.t, body: i, ..seen };
+                normal = self.camera.X_WC.rotation * body.sight.normal_C(hit.triangle);
             }
         }
         seen.colour = match bodies.get(seen.body) {

@@ -1,0 +1,294 @@
+//! What a camera sees of surfaces: the pixels that they may cover, and the nearest one behind each pixel.
+//!
+//! Arena, brain and calibration ask this of the arm many thousand times a throw, so it is answered in one
+//! place. A small part of an image is found by ray casting, a large one by rasterization into a z-buffer: a
+//! pixel shows the same, bit for bit, by whichever of the two.
+
+use std::ops::Range;
+
+use catch_body::{
+    Pose,
+    ray_cast::{Hit, RayCaster},
+};
+use nalgebra::{Matrix3, Point2, Point3, Vector3};
+
+use crate::{CameraModel, PixelWindow};
+
+/// What is nearer to the camera's plane than this, in metres, may be anywhere in the image.
+const NEAR_M: f64 = 1e-3;
+/// A surface with fewer triangles than this for each pixel is rasterized.
+const TRIANGLES_PER_PIXEL: usize = 4;
+
+/// A surface in front of a camera.
+#[derive(Debug, Clone, Copy)]
+pub struct Sight<'a> {
+    camera: &'a CameraModel,
+    surface: &'a RayCaster,
+    /// Orientation and position of the camera in the surface's frame B.
+    R_BC: Matrix3<f64>,
+    p_BC: Point3<f64>,
+    nearest_m: f64,
+    window: PixelWindow,
+}
+
+impl<'a> Sight<'a> {
+    /// A surface with its pose X_WB.
+    pub fn new(camera: &'a CameraModel, X_WB: &Pose, surface: &'a RayCaster) -> Self {
+        let X_BC = X_WB.inv_mul(&camera.X_WC);
+        let (R_BC, p_BC) = (X_BC.rotation.to_rotation_matrix().into_inner(), X_BC.translation.vector.into());
+        let mut sight = Self { camera, surface, R_BC, p_BC, nearest_m: 0.0, window: PixelWindow::default() };
+        let centre_C = sight.in_camera(&surface.centre());
+        sight.nearest_m = centre_C.z - surface.radius();
+        sight.window = sight.window_of(&centre_C);
+        sight
+    }
+
+    /// The smallest depth that the surface may have, in metres.
+    pub fn nearest_m(&self) -> f64 {
+        self.nearest_m
+    }
+
+    /// The pixels that the surface may cover.
+    pub fn window(&self) -> PixelWindow {
+        self.window
+    }
+
+    /// The nearest point of the surface at image coordinates, if its depth is below `limit_m`.
+    pub fn at(&self, uv: &Point2<f64>, limit_m: f64) -> Option<Hit> {
+        self.along(&self.camera.back_project(uv, 1.0).coords, limit_m)
+    }
+
+    /// The nearest point of the surface along a ray in C whose third component is one, which makes the hit's
+    /// parameter the depth, if that is below `limit_m`.
+    pub fn along(&self, ray_C: &Vector3<f64>, limit_m: f64) -> Option<Hit> {
+        self.surface.cast_within(&self.p_BC, &(self.R_BC * ray_C), limit_m)
+    }
+
+    /// Normal of a triangle in C, of length one.
+    pub fn normal_C(&self, triangle: usize) -> Vector3<f64> {
+        self.R_BC.tr_mul(&self.surface.normal(triangle))
+    }
+
+    fn in_camera(&self, p_B: &Point3<f64>) -> Point3<f64> {
+        self.R_BC.tr_mul(&(p_B - self.p_BC)).into()
+    }
+
+    fn window_of(&self, centre_C: &Point3<f64>) -> PixelWindow {
+        let (camera, z, radius) = (self.camera, centre_C.z, self.surface.radius());
+        if z + radius <= 0.0 {
+            return PixelWindow::default();
+        }
+        let half_size = self.surface.half_size();
+        let [a, b, c] = [0, 1, 2].map(|axis| self.R_BC.row(axis).transpose() * half_size[axis]);
+        let corners = [a + b + c, a + b - c, a - b + c, a - b - c].map(|corner| [corner, -corner]);
+        // The image of a ball or box that the camera's plane cuts is unbounded.
+        if z - radius <= NEAR_M || corners.iter().flatten().any(|corner| z + corner.z <= NEAR_M) {
+            return camera.full_window();
+        }
+        // Image coordinates of the ball's tangents, x/z = (x·z ± r·√(x² + z² − r²))/(z² − r²), and of the box's
+        // corners.
+        let pixels = |axis: usize, of: Range<u32>| {
+            let x = centre_C[axis];
+            let reach = radius * (x * x + z * z - radius * radius).sqrt();
+            let ball = [x * z - reach, x * z + reach].map(|slope| slope / (z * z - radius * radius));
+            let slopes = corners.iter().flatten().map(|corner| (x + corner[axis]) / (z + corner.z));
+            let (low, high) = slopes.fold((f64::MAX, f64::MIN), |(low, high), slope| (low.min(slope), high.max(slope)));
+            centres_within(self.in_pixels(axis, ball[0].max(low)), self.in_pixels(axis, ball[1].min(high)), of)
+        };
+        PixelWindow::of(&pixels(0, 0..camera.width_px), &pixels(1, 0..camera.height_px))
+    }
+
+    /// Puts the surface, number `number` of a buffer, where it is nearer than what is there.
+    fn draw(&self, number: u32, buffer: &mut DepthBuffer) {
+        let part = self.window.intersection(&buffer.window);
+        if self.nearest_m <= NEAR_M || self.surface.mesh().triangles.len() >= TRIANGLES_PER_PIXEL * part.area() {
+            for row in part.rows() {
+                for column in part.columns() {
+                    let pixel = buffer.pixel(column, row);
+                    if let Some(hit) = self.surface.cast_within(&self.p_BC, &self.ray_B(column, row), pixel.hit.t) {
+                        *pixel = Pixel { surface: number, hit };
+                    }
+                }
+            }
+        } else {
+            self.rasterize(number, &part, buffer);
+        }
+    }
+
+    /// Draws a part of a buffer by scan conversion.
+    fn rasterize(&self, number: u32, part: &PixelWindow, buffer: &mut DepthBuffer) {
+        let mesh = self.surface.mesh();
+        let rays = part.rows().flat_map(|row| part.columns().map(move |column| self.ray_B(column, row)));
+        let rays_B: Vec<Vector3<f64>> = rays.collect();
+        let in_image = |p_B: &Point3<f64>| {
+            let p_C = self.in_camera(p_B);
+            let [u, v] = [0, 1].map(|axis| self.in_pixels(axis, p_C[axis] / p_C.z));
+            Point3::new(u, v, p_C.z)
+        };
+        let vertices: Vec<Point3<f64>> = mesh.vertices.iter().map(in_image).collect();
+        // Those that face the camera first, because they hide the others.
+        for faces_camera in [true, false] {
+            for (triangle, corners) in mesh.triangles.iter().enumerate() {
+                let [a, b, c] = corners.map(|index| vertices[index as usize]);
+                let turn = (b - a).xy().perp(&(c - a).xy());
+                let rows = centres_within(a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y), part.rows());
+                if (turn < 0.0) != faces_camera || rows.is_empty() {
+                    continue;
+                }
+                let least_m = a.z.min(b.z).min(c.z) * (1.0 - SLACK);
+                for row in rows {
+                    let [left, right] = span([a, b, c], f64::from(row) + 0.5);
+                    for column in centres_within(left, right, part.columns()) {
+                        let pixel = buffer.pixel(column, row);
+                        if least_m > pixel.hit.t {
+                            continue;
+                        }
+                        let ray_B = &rays_B[((row - part.top) * part.width + column - part.left) as usize];
+                        let hit = self.surface.cast_at(triangle, &self.p_BC, ray_B);
+                        if let Some(hit) = hit.filter(|hit| pixel.is_behind(number, hit)) {
+                            *pixel = Pixel { surface: number, hit };
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// The ray through a pixel's centre, in B; its third component in C is one.
+    fn ray_B(&self, column: u32, row: u32) -> Vector3<f64> {
+        let uv = Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
+        self.R_BC * self.camera.back_project(&uv, 1.0).coords
+    }
+
+    fn in_pixels(&self, axis: usize, slope: f64) -> f64 {
+        slope * self.camera.focal_px + self.camera.principal_px[axis]
+    }
+}
+
+/// A pixel of a [`DepthBuffer`].
+#[derive(Debug, Clone, Copy)]
+struct Pixel {
+    surface: u32,
+    hit: Hit,
+}
+
+impl Pixel {
+    /// Returns whether a point of a surface is seen before what is there.
+    fn is_behind(&self, surface: u32, hit: &Hit) -> bool {
+        if self.surface == surface { hit.is_before(&self.hit) } else { hit.t < self.hit.t }
+    }
+}
+
+/// A z-buffer: the nearest surface behind the centre of each pixel in a window.
+#[derive(Debug, Clone)]
+pub struct DepthBuffer {
+    window: PixelWindow,
+    pixels: Vec<Pixel>,
+}
+
+impl DepthBuffer {
+    /// Draws surfaces, numbered as they come. Of two that are equally near the first is seen. From near to
+    /// far costs least.
+    pub fn new<'a>(window: PixelWindow, surfaces: impl IntoIterator<Item = Sight<'a>>) -> Self {
+        let nothing = Pixel { surface: u32::MAX, hit: Hit { t: f64::INFINITY, triangle: 0 } };
+        let mut buffer = Self { window, pixels: vec![nothing; window.area()] };
+        for (number, surface) in (0..).zip(surfaces) {
+            surface.draw(number, &mut buffer);
+        }
+        buffer
+    }
+
+    /// Number of the surface that each pixel shows, row by row, and where it is hit; its parameter is the
+    /// depth.
+    pub fn pixels(&self) -> impl Iterator<Item = Option<(usize, Hit)>> {
+        self.pixels.iter().map(|it| (it.surface != u32::MAX).then_some((it.surface as usize, it.hit)))
+    }
+
+    fn pixel(&mut self, column: u32, row: u32) -> &mut Pixel {
+        let Self { window, pixels } = self;
+        &mut pixels[(row - window.top) as usize * window.width as usize + (column - window.left) as usize]
+    }
+}
+
+/// Distance around a box or a triangle in which a pixel still counts as covered, in pixels: far above
+/// rounding.
+const SLACK: f64 = 1e-5;
+
+/// The pixels of a row or column whose centres lie between two image coordinates, and a little around them.
+fn centres_within(from: f64, to: f64, of: Range<u32>) -> Range<u32> {
+    // The smallest whole number that is not below, which casts find in less time than `ceil` does.
+    let from = from - 0.5 - SLACK;
+    let first = from as u32 + u32::from(f64::from(from as u32) < from);
+    first.clamp(of.start, of.end)..((to + 0.5 + SLACK) as u32).clamp(of.start, of.end)
+}
+
+/// The part of a row's centre line that a triangle covers.
+fn span([a, b, c]: [Point3<f64>; 3], v: f64) -> [f64; 2] {
+    let mut span = [f64::MAX, f64::MIN];
+    for (from, to) in [(a, b), (b, c), (c, a)] {
+        let (low, high) = (from.y.min(to.y), from.y.max(to.y));
+        if v < low - SLACK || v > high + SLACK {
+            continue;
+        }
+        let along = |fraction: f64| from.x + (to.x - from.x) * fraction.clamp(0.0, 1.0);
+        let at = (v - from.y) / (to.y - from.y);
+        let ends = if high - low > SLACK { [along(at); 2] } else { [from.x, to.x] };
+        span = [span[0].min(ends[0]).min(ends[1]), span[1].max(ends[0]).max(ends[1])];
+    }
+    span
+}
+
+#[cfg(test)]
+mod tests {
+    use catch_body::{
+        TriangleMesh,
+        shape::{Capsule, Cuboid},
+    };
+    use nalgebra::UnitQuaternion;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn camera() -> CameraModel {
+        CameraModel::with_field_of_view(Pose::identity(), 120, 80, 0.9)
+    }
+
+    fn surfaces() -> Vec<RayCaster> {
+        let capsule = Capsule { from: Point3::new(0.0, -0.2, 0.0), to: Point3::new(0.05, 0.3, 0.1), radius: 0.07 };
+        let half = TriangleMesh {
+            triangles: TriangleMesh::sphere(0.2, 2).triangles.into_iter().step_by(2).collect(),
+            ..TriangleMesh::sphere(0.2, 2)
+        };
+        let cuboid = TriangleMesh::cuboid(&Cuboid { centre: Point3::origin(), size: Vector3::new(0.3, 0.1, 0.2) });
+        [TriangleMesh::capsule(&capsule, 24), half, cuboid].iter().map(RayCaster::new).collect()
+    }
+
+    proptest! {
+        /// Whatever is near or far, open or closed, within the image or across its border.
+        #[test]
+        fn pixels_show_what_their_rays_hit(
+            place in prop::array::uniform3(-1.0_f64..1.0),
+            ahead_m in -0.2_f64..2.0,
+            turn in prop::array::uniform3(-3.0_f64..3.0),
+            left in 0_u32..100,
+            width in 1_u32..120,
+        ) {
+            let (camera, surfaces) = (camera(), surfaces());
+            let rotation = UnitQuaternion::from_scaled_axis(turn.into());
+            let at = |number: usize| {
+                let p = Vector3::new(0.5 * place[0], 0.3 * place[1], ahead_m + 0.1 * number as f64 * place[2]);
+                Pose::from_parts(p.into(), rotation)
+            };
+            let sights: Vec<Sight> = (0..).zip(&surfaces).map(|(i, it)| Sight::new(&camera, &at(i), it)).collect();
+            let window = PixelWindow { left, top: 7, width, height: 61 }.intersection(&camera.full_window());
+            let seen = DepthBuffer::new(window, sights.iter().copied());
+            for (pixel, seen) in seen.pixels().enumerate() {
+                let uv = window.pixel_centre(pixel);
+                let nearest = sights.iter().enumerate().fold(None, |nearest: Option<(usize, Hit)>, (i, sight)| {
+                    sight.at(&uv, nearest.map_or(f64::INFINITY, |(_, hit)| hit.t)).map(|hit| (i, hit)).or(nearest)
+                });
+                prop_assert_eq!(seen, nearest, "pixel {}", pixel);
+            }
+        }
+    }
+}
