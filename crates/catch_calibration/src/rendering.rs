@@ -46,7 +46,7 @@ impl<'a> Rendering<'a> {
         bodies.retain(|(_, body)| body.window().area() > 0);
         bodies.sort_by(|(_, one), (_, two)| one.nearest_m().total_cmp(&two.nearest_m()));
         let arm = bodies.iter().filter(|(part, _)| *part != SurfacePart::Obstacle);
-        let window = arm.map(|(_, body)| body.window()).reduce(hull).unwrap_or_default();
+        let window = arm.map(|(_, body)| body.window()).reduce(|one, other| one.hull(&other)).unwrap_or_default();
         let window = window.widened(MARGIN_PX, &camera.full_window());
         let seen = DepthBuffer::new(window, bodies.iter().map(|(_, body)| *body));
         let mut rendering = Self { camera, bodies, window, hits: Vec::new() };
@@ -67,7 +67,8 @@ impl<'a> Rendering<'a> {
     pub fn hit_at(&self, u_px: f64, v_px: f64) -> Option<Hit> {
         let uv = Point2::new(u_px, v_px);
         let pixel = PixelWindow { left: u_px as u32, top: v_px as u32, width: 1, height: 1 };
-        let may_show = |(_, (_, body)): &(usize, &(SurfacePart, Sight<'_>))| body.window().intersection(&pixel).area() > 0;
+        let may_show =
+            |(_, (_, body)): &(usize, &(SurfacePart, Sight<'_>))| body.window().intersection(&pixel).area() > 0;
         let shown = self.bodies.iter().enumerate().filter(may_show);
         let nearest = shown.fold(None, |nearest: Option<(usize, ray_cast::Hit)>, (number, (_, body))| {
             let limit_m = nearest.map_or(f64::INFINITY, |(_, hit)| hit.t);
@@ -82,11 +83,4 @@ impl<'a> Rendering<'a> {
             column >= 0 && row >= 0 && column < i64::from(self.window.width) && row < i64::from(self.window.height);
         if inside { self.hits[(row * i64::from(self.window.width) + column) as usize].as_ref() } else { None }
     }
-}
-
-fn hull(one: PixelWindow, two: PixelWindow) -> PixelWindow {
-    let (left, top) = (one.left.min(two.left), one.top.min(two.top));
-    let right = (one.left + one.width).max(two.left + two.width);
-    let bottom = (one.top + one.height).max(two.top + two.height);
-    PixelWindow { left, top, width: right - left, height: bottom - top }
 }

@@ -137,6 +137,16 @@ impl PixelWindow {
         Point2::new(f64::from(self.left) + column as f64 + 0.5, f64::from(self.top) + row as f64 + 0.5)
     }
 
+    /// The smallest window around this one and another.
+    pub fn hull(&self, other: &Self) -> Self {
+        let around = |a: Range<u32>, b: Range<u32>| a.start.min(b.start)..a.end.max(b.end);
+        match (self.area(), other.area()) {
+            (0, _) => *other,
+            (_, 0) => *self,
+            _ => Self::of(&around(self.columns(), other.columns()), &around(self.rows(), other.rows())),
+        }
+    }
+
     /// The window with so many pixels more on each side, cut to another; one that is empty stays so.
     pub fn widened(&self, margin_px: u32, within: &Self) -> Self {
         if self.area() == 0 {

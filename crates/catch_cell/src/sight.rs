@@ -105,8 +105,8 @@ impl<'a> Sight<'a> {
             for row in part.rows() {
                 for column in part.columns() {
                     let pixel = buffer.pixel(column, row);
-                    if let Some(hit) = self.surface.cast_within(&self.p_BC, &self.ray_B(column, row), pixel.hit.t) {
-                        *pixel = Pixel { surface: number, hit };
+                    if let Some(hit) = self.surface.cast_within(&self.p_BC, &self.ray_B(column, row), pixel.depth_m) {
+                        *pixel = Pixel::new(number, hit);
                     }
                 }
             }
@@ -136,17 +136,20 @@ impl<'a> Sight<'a> {
                     continue;
                 }
                 let least_m = a.z.min(b.z).min(c.z) * (1.0 - SLACK);
+                let edges = [Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)];
                 for row in rows {
-                    let [left, right] = span([a, b, c], f64::from(row) + 0.5);
+                    let spans = edges.iter().filter_map(|edge| edge.span(f64::from(row) + 0.5));
+                    let join = |one: [f64; 2], other: [f64; 2]| [one[0].min(other[0]), one[1].max(other[1])];
+                    let [left, right] = spans.fold([f64::MAX, f64::MIN], join);
                     for column in centres_within(left, right, part.columns()) {
                         let pixel = buffer.pixel(column, row);
-                        if least_m > pixel.hit.t {
+                        if least_m > pixel.depth_m {
                             continue;
                         }
                         let ray_B = &rays_B[((row - part.top) * part.width + column - part.left) as usize];
                         let hit = self.surface.cast_at(triangle, &self.p_BC, ray_B);
                         if let Some(hit) = hit.filter(|hit| pixel.is_behind(number, hit)) {
-                            *pixel = Pixel { surface: number, hit };
+                            *pixel = Pixel::new(number, hit);
                         }
                     }
                 }
@@ -168,14 +171,23 @@ impl<'a> Sight<'a> {
 /// A pixel of a [`DepthBuffer`].
 #[derive(Debug, Clone, Copy)]
 struct Pixel {
+    depth_m: f64,
     surface: u32,
-    hit: Hit,
+    triangle: u32,
 }
 
 impl Pixel {
+    fn new(surface: u32, hit: Hit) -> Self {
+        Self { depth_m: hit.t, surface, triangle: hit.triangle as u32 }
+    }
+
+    fn hit(&self) -> Hit {
+        Hit { t: self.depth_m, triangle: self.triangle as usize }
+    }
+
     /// Returns whether a point of a surface is seen before what is there.
     fn is_behind(&self, surface: u32, hit: &Hit) -> bool {
-        if self.surface == surface { hit.is_before(&self.hit) } else { hit.t < self.hit.t }
+        if self.surface == surface { hit.is_before(&self.hit()) } else { hit.t < self.depth_m }
     }
 }
 
@@ -190,7 +202,7 @@ impl DepthBuffer {
     /// Draws surfaces, numbered as they come. Of two that are equally near the first is seen. From near to
     /// far costs least.
     pub fn new<'a>(window: PixelWindow, surfaces: impl IntoIterator<Item = Sight<'a>>) -> Self {
-        let nothing = Pixel { surface: u32::MAX, hit: Hit { t: f64::INFINITY, triangle: 0 } };
+        let nothing = Pixel { depth_m: f64::INFINITY, surface: u32::MAX, triangle: 0 };
         let mut buffer = Self { window, pixels: vec![nothing; window.area()] };
         for (number, surface) in (0..).zip(surfaces) {
             surface.draw(number, &mut buffer);
@@ -201,7 +213,7 @@ impl DepthBuffer {
     /// Number of the surface that each pixel shows, row by row, and where it is hit; its parameter is the
     /// depth.
     pub fn pixels(&self) -> impl Iterator<Item = Option<(usize, Hit)>> {
-        self.pixels.iter().map(|it| (it.surface != u32::MAX).then_some((it.surface as usize, it.hit)))
+        self.pixels.iter().map(|it| (it.surface != u32::MAX).then_some((it.surface as usize, it.hit())))
     }
 
     fn pixel(&mut self, column: u32, row: u32) -> &mut Pixel {
@@ -222,20 +234,30 @@ fn centres_within(from: f64, to: f64, of: Range<u32>) -> Range<u32> {
     first.clamp(of.start, of.end)..((to + 0.5 + SLACK) as u32).clamp(of.start, of.end)
 }
 
-/// The part of a row's centre line that a triangle covers.
-fn span([a, b, c]: [Point3<f64>; 3], v: f64) -> [f64; 2] {
-    let mut span = [f64::MAX, f64::MIN];
-    for (from, to) in [(a, b), (b, c), (c, a)] {
-        let (low, high) = (from.y.min(to.y), from.y.max(to.y));
-        if v < low - SLACK || v > high + SLACK {
-            continue;
-        }
-        let along = |fraction: f64| from.x + (to.x - from.x) * fraction.clamp(0.0, 1.0);
-        let at = (v - from.y) / (to.y - from.y);
-        let ends = if high - low > SLACK { [along(at); 2] } else { [from.x, to.x] };
-        span = [span[0].min(ends[0]).min(ends[1]), span[1].max(ends[0]).max(ends[1])];
+/// An edge of a triangle in the image.
+struct Edge {
+    from: Point3<f64>,
+    /// The ranges of its image coordinates.
+    u: [f64; 2],
+    v: [f64; 2],
+    /// Change of u with v.
+    slope: f64,
+}
+
+impl Edge {
+    fn new(from: Point3<f64>, to: Point3<f64>) -> Self {
+        let range = |a: f64, b: f64| [a.min(b), a.max(b)];
+        let slope = (to.x - from.x) / (to.y - from.y);
+        Self { from, u: range(from.x, to.x), v: range(from.y, to.y), slope }
     }
-    span
+
+    /// The part of a row's centre line that it covers.
+    fn span(&self, v: f64) -> Option<[f64; 2]> {
+        let is_level = self.v[1] - self.v[0] <= SLACK;
+        let at = (self.from.x + (v - self.from.y) * self.slope).clamp(self.u[0], self.u[1]);
+        let is_met = v >= self.v[0] - SLACK && v <= self.v[1] + SLACK;
+        is_met.then_some(if is_level { self.u } else { [at; 2] })
+    }
 }
 
 #[cfg(test)]

@@ -99,7 +99,8 @@ impl<'a> Background<'a> {
         let window = self.camera.full_window();
         let seen = DepthBuffer::new(window, self.bodies.iter().flatten().copied());
         let depth_m = |(i, seen): (usize, Option<(usize, Hit)>)| {
-            let floor_m = self.floor.map(|_| self.floor_m(&self.camera.back_project(&window.pixel_centre(i), 1.0).coords));
+            let floor_m =
+                self.floor.map(|_| self.floor_m(&self.camera.back_project(&window.pixel_centre(i), 1.0).coords));
             seen.map_or(f64::INFINITY, |(_, hit)| hit.t).min(floor_m.unwrap_or(f64::INFINITY)) as f32
         };
         depths_m.clear();

@@ -155,11 +155,13 @@ impl DepthCameras {
             }
             let window = view.window(index, camera, readout, edge_px);
             // A pixel's measurement depends on its neighbours too.
-            let exact = view.image(camera, window.widened(edge_px, &camera.full_window()), channels);
-            let hidden = self.holes.as_ref().map(|holes| holes.pixels(&exact.part(window), scene.X_WO));
+            let around = |part: PixelWindow| part.widened(edge_px, &camera.full_window());
+            let covered = around(view.covered(camera)).intersection(&window);
+            let exact = view.image(camera, around(covered), channels);
+            let hidden = self.holes.as_ref().map(|holes| holes.pixels(&exact.part(covered), scene.X_WO));
             let pixels = key.part(Place::Pixels as u64);
             let mut image = match (&self.config.model, stereo) {
-                (_, Some(stereo)) => stereo.measured(exact, window, key),
+                (_, Some(stereo)) => stereo.measured(exact, covered, key),
                 (DepthModel::Perfect, _) => exact,
                 (model, _) => exact.changed(|pixel, _, z| {
                     let normal = counter_generator::normal((pixels.bits(pixel) >> 32) as u32);
@@ -174,7 +176,7 @@ impl DepthCameras {
                 image.depth_m[pixel] = f32::NAN;
             }
             image.shows_object = image.shows_object.filter(|_| labelled);
-            Some(image.frame(index, scene.capture_s))
+            Some(image.within(window).frame(index, scene.capture_s))
         };
         exposures.into_iter().filter_map(frame_of).collect()
     }
@@ -241,6 +243,28 @@ impl Image<'_> {
             depth_m: cut(&self.depth_m, &self.window, &window),
             shows_object: self.shows_object.as_ref().map(|values| cut(values, &self.window, &window)),
             facing: self.facing.as_ref().map(|values| cut(values, &self.window, &window)),
+        }
+    }
+
+    /// The image in a window around its own, which shows nothing else.
+    fn within(self, window: PixelWindow) -> Self {
+        fn spread<T: Copy>(values: Vec<T>, nothing: T, from: &PixelWindow, window: &PixelWindow) -> Vec<T> {
+            if from == window {
+                return values;
+            }
+            let mut all = vec![nothing; window.area()];
+            for (row, values) in from.rows().zip(values.chunks(from.width.max(1) as usize)) {
+                let first = (row - window.top) as usize * window.width as usize + (from.left - window.left) as usize;
+                all[first..first + values.len()].copy_from_slice(values);
+            }
+            all
+        }
+        Self {
+            depth_m: spread(self.depth_m, f32::NAN, &self.window, &window),
+            shows_object: self.shows_object.map(|values| spread(values, false, &self.window, &window)),
+            facing: None,
+            window,
+            ..self
         }
     }
 

@@ -110,6 +110,17 @@ impl<'a> View<'a> {
         }
     }
 
+    /// The pixels that may show any surface.
+    pub fn covered(&self, camera: &CameraModel) -> PixelWindow {
+        if self.floor_visible {
+            return camera.full_window();
+        }
+        let bodies = std::iter::once(&self.object).chain(&self.others);
+        bodies
+            .map(|(X_WB, surface)| Sight::new(camera, X_WB, surface).window())
+            .fold(PixelWindow::default(), |a, b| a.hull(&b))
+    }
+
     /// Renders a camera's image in a window.
     pub fn image<'c>(&self, camera: &'c CameraModel, window: PixelWindow, channels: Channels) -> Image<'c> {
         let sight = |(X_WB, surface): &(Pose, &'a RayCaster)| Sight::new(camera, X_WB, surface);
