@@ -85,8 +85,8 @@ impl<'a> Sight<'a> {
         if z - radius <= NEAR_M || corners.iter().flatten().any(|corner| z + corner.z <= NEAR_M) {
             return camera.full_window();
         }
-        // Image coordinates of the ball's tangents, x/z = (x·z ± r·√(x² + z² − r²))/(z² − r²), and of the box's
-        // corners.
+        // Image coordinates of the ball's tangents, x/z = (x·z ± r·√(x² + z² − r²))/(z² − r²), and of the
+        // box's corners.
         let pixels = |axis: usize, of: Range<u32>| {
             let x = centre_C[axis];
             let reach = radius * (x * x + z * z - radius * radius).sqrt();

@@ -119,11 +119,12 @@ fn bytes_of<'a>(
     load: &dyn Fn(&str) -> Result<Vec<u8>, InputError>,
 ) -> Result<Cow<'a, [u8]>, InputError> {
     let length = buffer.child("byteLength").map(index).transpose()?;
-    let bytes: Cow<[u8]> = match buffer.child("uri").map(Node::text) {
+    let bytes: Cow<[u8]> = match buffer.child("uri") {
         None => Cow::Borrowed(binary.unwrap_or_default()),
-        Some(uri) => match uri.strip_prefix("data:").and_then(|it| it.split_once(";base64,")) {
-            Some((_, text)) => BASE64_STANDARD.decode(text).map_err(|it| buffer.fault(it, "data in base64"))?.into(),
-            None => load(&unescaped(uri))?.into(),
+        Some(uri) => match uri.text().strip_prefix("data:").map(|data| data.split_once(";base64,")) {
+            Some(Some((_, text))) => BASE64_STANDARD.decode(text).map_err(|it| uri.fault(it, "data in base64"))?.into(),
+            Some(None) => return Err(uri.fault("data of another kind", "data:…;base64,…")),
+            None => load(&unescaped(uri.text()))?.into(),
         },
     };
     if length.is_some_and(|it| it > bytes.len()) {
@@ -410,6 +411,12 @@ mod tests {
         // The normals are not read.
         let unused = |it: &str| it.replace("{\"bufferView\": 1", "{\"stretch\": 2, \"bufferView\": 1");
         assert_eq!(corners(unused).len(), 3);
+    }
+
+    #[test]
+    fn data_of_another_kind_are_no_name_of_a_file() {
+        let fault = document(|it| it.replace(";base64,", ";base32,")).unwrap_err().to_string();
+        assert!(fault.contains("uri") && fault.contains(";base64,") && fault.len() < 200, "{fault}");
     }
 
     #[test]
