@@ -284,7 +284,7 @@ fn together(frames: &[DepthFrame], moves_as_known: bool) -> usize {
 mod tests {
     use catch_body::{Gripper, Robot, robot_file::RobotFiles};
     use catch_cell::{ArmState, GraspState, GripperState, Setpoint};
-    use nalgebra::Matrix6;
+    use nalgebra::{Matrix6, Point3};
 
     use super::*;
     use crate::{
@@ -342,6 +342,40 @@ mod tests {
         Preparation::new(Config::default(), (robot, None), gripper, synthetic::flight_rig(), &scan).unwrap()
     }
 
+    fn observation(time_s: f64, known: &Preparation, frames: Vec<DepthFrame>) -> Observation {
+        let q = known.search().motion().robot().ready_q;
+        let (dq, commanded) = (JointVector::zeros(), Setpoint::at_rest(q));
+        let arm = ArmState { time_s, q, dq, commanded, executing: None, rejected: Vec::new() };
+        let gripper = GripperState { width_m: 0.1, speed_mps: 0.0, force_n: 0.0, grasp: GraspState::Idle };
+        Observation { time_s, arm, gripper, frames }
+    }
+
+    #[test]
+    fn before_there_is_a_flight_windows_follow_a_parabola() {
+        let known = preparation();
+        let mut tracker = Tracker::new(&known, false);
+        let place = |t: f64| Point3::new(2.6 - 2.9 * t, 2.6 - 4.0 * t, 0.5 + 3.6 * t - 4.905 * t * t);
+        let seen = |t: f64| ObjectPose { X_WO: Pose::from_parts(place(t).into(), Default::default()), ..pose(t) };
+        let windows = |tracker: &Tracker| tracker.windows(&observation(0.06, &known, Vec::new()), None, &known);
+        tracker.unlabelled_s = Some(0.05);
+        tracker.poses.push(seen(0.0));
+        assert_eq!(windows(&tracker), None, "one pose tells no velocity");
+        // An error of each pose, the other way.
+        tracker.poses[0].X_WO.translation.x += 0.01;
+        tracker.poses.push(seen(0.05));
+        tracker.poses[1].X_WO.translation.x -= 0.01;
+        for (camera, window) in known.cameras().iter().zip(windows(&tracker).unwrap()) {
+            let uv = camera.project(&camera.X_WC.inverse_transform_point(&place(0.06))).unwrap();
+            let in_image = uv.x > 0.0 && uv.x < camera.width_px.into() && uv.y > 0.0 && uv.y < camera.height_px.into();
+            let is_inside =
+                window.columns().contains(&(uv.x.max(0.0) as u32)) && window.rows().contains(&(uv.y.max(0.0) as u32));
+            assert!(is_inside || !in_image, "{uv} is not in {window:?}");
+            assert!(10 * window.area() < camera.full_window().area(), "{window:?}");
+        }
+        tracker.unlabelled_s = Some(0.05 + 2.0 * LOST_AFTER_S);
+        assert_eq!(windows(&tracker), None, "the object has been lost");
+    }
+
     /// Each camera is compared in turn, even where no pose is found; a turn by the number of poses would end
     /// there.
     #[test]
@@ -349,7 +383,6 @@ mod tests {
         let known = preparation();
         let cameras = known.cameras().len();
         let (mut tracker, mut blind) = (Tracker::new(&known, true), Blind(Vec::new()));
-        let q = known.search().motion().robot().ready_q;
         let flight = FlightTrajectory { v_WOcm: Vector3::x(), ..FlightTrajectory::default() };
         for i in 0..2 * cameras {
             let time_s = 0.02 * i as f64;
@@ -360,11 +393,7 @@ mod tests {
                 depth_m: Vec::new(),
                 mask: Some(Vec::new()),
             };
-            let frames = (0..cameras).map(frame).collect();
-            let (dq, commanded) = (JointVector::zeros(), Setpoint::at_rest(q));
-            let arm = ArmState { time_s, q, dq, commanded, executing: None, rejected: Vec::new() };
-            let gripper = GripperState { width_m: 0.1, speed_mps: 0.0, force_n: 0.0, grasp: GraspState::Idle };
-            let observation = Observation { time_s, arm, gripper, frames };
+            let observation = observation(time_s, &known, (0..cameras).map(frame).collect());
             tracker.sense(&observation);
             let found = tracker.track(&observation.frames, &mut Some(flight.clone()), &known, &mut blind);
             assert_eq!(found, None);

@@ -318,27 +318,50 @@ impl<'a> Registration<'a> {
     /// Sums over the points. The error that the depths of each image have in common is eliminated.
     fn sum_points(&self, residuals: &[PointResidual], scale: f64) -> Sums {
         let mut sums = Sums::ZERO;
-        let common_sd = self.config.depth_common_fraction.unwrap_or_default().sqrt();
-        if common_sd == 0.0 {
-            for PointResidual { p_O, n_O, distance_m, sd_m, .. } in residuals {
-                let curvature = sums.weigh(*distance_m, *sd_m, scale) / (sd_m * sd_m);
-                sums.equations.add(p_O, n_O, curvature, curvature * distance_m);
-            }
-            return sums;
-        }
+        let [own, common] = self.fractions(residuals, scale);
         for image in residuals.chunk_by(|a, b| a.image == b.image) {
-            let mut common = CommonError::new(0.0);
+            let mut of_image = CommonError::new(0.0);
             for PointResidual { p_O, n_O, distance_m, sd_m, by_depth_m, .. } in image {
-                let (variance_m2, effect_m) = (sd_m * sd_m, common_sd * by_depth_m);
-                let own_m2 = (variance_m2 - effect_m * effect_m).max(LEAST_OWN * variance_m2);
+                let variance_m2 = sd_m * sd_m;
+                let own_m2 = (variance_m2 - (1.0 - own) * by_depth_m * by_depth_m).max(LEAST_OWN * variance_m2);
                 let curvature = sums.weigh(*distance_m, *sd_m, scale) / own_m2;
                 let slope = curvature * distance_m;
                 sums.equations.add(p_O, n_O, curvature, slope);
-                common.add(p_O, n_O, curvature, slope, effect_m);
+                of_image.add(p_O, n_O, curvature, slope, common.sqrt() * by_depth_m);
             }
-            sums.equations.eliminate(&common);
+            sums.equations.eliminate(&of_image);
         }
         sums
+    }
+
+    /// Fractions of the depths' variance that each pixel has by itself, and that all of an image have in
+    /// common: those that were told, or more where the scatter within the images contradicts.
+    ///
+    /// A fraction that is told wrongly costs more than the noise itself: depths of which all noise is said to
+    /// be common would show the shape almost exactly.
+    fn fractions(&self, residuals: &[PointResidual], scale: f64) -> [f64; 2] {
+        let common = self.config.depth_common_fraction.unwrap_or_default();
+        let (mut scatter_m2, mut depth_m2, mut unused) = (0.0, 0.0, Sums::ZERO);
+        for image in residuals.chunk_by(|a, b| a.image == b.image) {
+            let [mut on_depth, mut on_distance, mut squares_m2] = [0.0; 3];
+            for PointResidual { distance_m, sd_m, by_depth_m, .. } in image {
+                let weight = unused.weigh(*distance_m, *sd_m, scale);
+                on_depth += weight * by_depth_m * by_depth_m;
+                on_distance += weight * by_depth_m * distance_m;
+                // Beside what depths cause.
+                let other_m2 = sd_m * sd_m - by_depth_m * by_depth_m;
+                squares_m2 += weight * (distance_m * distance_m / MEAN_SQUARE - other_m2);
+            }
+            if on_depth > 0.0 {
+                scatter_m2 += squares_m2 - on_distance * on_distance / (MEAN_SQUARE * on_depth);
+                depth_m2 += on_depth * (1.0 - 1.0 / image.len() as f64);
+            }
+        }
+        if depth_m2 <= 0.0 {
+            return [1.0 - common, common];
+        }
+        let own = (scatter_m2 / depth_m2).clamp(0.0, 1.0);
+        [own.max(1.0 - common), common.max(1.0 - own)]
     }
 
     /// Brings the residuals of all points whose depths tell the shape to a pose.
@@ -513,28 +536,39 @@ mod tests {
         assert!(off.iter().all(|off| *off < 0.01), "{off:?}");
     }
 
-    /// However many pixels an image has, the error that its depths have in common remains.
+    /// However many pixels an image has, the error that its depths have in common remains; and whatever was
+    /// told of it, the scatter of the pixels shows what each of them has by itself.
     #[test]
     fn what_depths_have_in_common_is_not_averaged_away() {
+        const SD_M: f64 = 0.004;
         let reference = synthetic::reference(&synthetic::Shape::banana(), 200);
         let facing = reference.points.iter().zip(&reference.normals).filter(|(_, normal)| normal.z < -0.5);
-        let point = |(p_W, _): (&nalgebra::Point3<f64>, _)| ScenePoint {
-            p_W: *p_W,
-            per_depth_W: Vector3::z(),
-            depth_sd_m: 0.004,
-            image: 0,
-        };
-        let points: Vec<ScenePoint> = facing.map(point).collect();
-        let sd_m = |common_fraction: f64| {
-            let config = Config { depth_common_fraction: Some(common_fraction), ..Config::default() };
+        let facing: Vec<nalgebra::Point3<f64>> = facing.map(|(p_W, _)| *p_W).collect();
+        // Standard deviations of a turn and of the distance, by the true and the told fraction.
+        let sd = |truly: f64, told: f64| {
+            let own_m = (1.0 - truly).sqrt() * SD_M;
+            let point = |(i, p_W): (usize, &nalgebra::Point3<f64>)| ScenePoint {
+                p_W: p_W + Vector3::z() * if i % 2 == 0 { own_m } else { -own_m },
+                per_depth_W: Vector3::z(),
+                depth_sd_m: SD_M,
+                image: 0,
+            };
+            let points: Vec<ScenePoint> = facing.iter().enumerate().map(point).collect();
+            let config = Config { depth_common_fraction: Some(told), ..Config::default() };
             let registration = Registration::new(&reference, &config);
             let mut residuals = Vec::new();
             registration.measure(&mut Depths::new(&points, &mut residuals, f64::INFINITY), &Pose::identity());
             let sums = registration.sum_points(&residuals, f64::INFINITY);
-            sums.equations.projected(&Matrix3::identity()).0[(5, 5)].sqrt().recip()
+            let information = sums.equations.projected(&Matrix3::identity()).0;
+            [0, 5].map(|i| information[(i, i)].sqrt().recip())
         };
-        let (alone, common) = (sd_m(0.0), sd_m(0.5));
-        assert!(alone < 4e-4, "{alone}");
-        assert!(common > 0.9 * 0.5_f64.sqrt() * 0.004, "{common}");
+        let (alone, common) = (sd(0.0, 0.0), sd(0.5, 0.5));
+        assert!(alone[1] < 4e-4, "{alone:?}");
+        assert!(common[1] > 0.9 * 0.5_f64.sqrt() * SD_M, "{common:?}");
+        for told in [0.0, 1.0] {
+            let wrong = sd(0.5, told);
+            assert!(wrong[1] > 0.8 * common[1], "{told}: {wrong:?} instead of {common:?}");
+            assert!(wrong[0] > 0.8 * common[0] && wrong[0] < 1.5 * common[0], "{told}: {wrong:?}, {common:?}");
+        }
     }
 }
