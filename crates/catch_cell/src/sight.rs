@@ -27,7 +27,7 @@ pub struct Sight<'a> {
     /// Orientation and position of the camera in the surface's frame B.
     R_BC: Matrix3<f64>,
     p_BC: Point3<f64>,
-    nearest_m: f64,
+    centre_C: Point3<f64>,
     window: PixelWindow,
 }
 
@@ -36,16 +36,15 @@ impl<'a> Sight<'a> {
     pub fn new(camera: &'a CameraModel, X_WB: &Pose, surface: &'a RayCaster) -> Self {
         let X_BC = X_WB.inv_mul(&camera.X_WC);
         let (R_BC, p_BC) = (X_BC.rotation.to_rotation_matrix().into_inner(), X_BC.translation.vector.into());
-        let mut sight = Self { camera, surface, R_BC, p_BC, nearest_m: 0.0, window: PixelWindow::default() };
-        let centre_C = sight.in_camera(&surface.centre());
-        sight.nearest_m = centre_C.z - surface.radius();
+        let centre_C = Point3::from(R_BC.tr_mul(&(surface.centre() - p_BC)));
+        let mut sight = Self { camera, surface, R_BC, p_BC, centre_C, window: PixelWindow::default() };
         sight.window = sight.window_of(&centre_C);
         sight
     }
 
     /// The smallest depth that the surface may have, in metres.
     pub fn nearest_m(&self) -> f64 {
-        self.nearest_m
+        self.centre_C.z - self.surface.radius()
     }
 
     /// The pixels that the surface may cover.
@@ -61,7 +60,11 @@ impl<'a> Sight<'a> {
     /// The nearest point of the surface along a ray in C whose third component is one, which makes the hit's
     /// parameter the depth, if that is below `limit_m`.
     pub fn along(&self, ray_C: &Vector3<f64>, limit_m: f64) -> Option<Hit> {
-        self.surface.cast_within(&self.p_BC, &(self.R_BC * ray_C), limit_m)
+        // Most rays pass by the ball around the surface, which costs least to find out here.
+        let along = self.centre_C.coords.dot(ray_C) / ray_C.norm_squared();
+        let passes_by =
+            (self.centre_C.coords - ray_C * along).norm_squared() > self.surface.radius().powi(2) * (1.0 + 1e-9);
+        if passes_by { None } else { self.surface.cast_within(&self.p_BC, &(self.R_BC * ray_C), limit_m) }
     }
 
     /// Normal of a triangle in C, of length one.
@@ -101,11 +104,11 @@ impl<'a> Sight<'a> {
     /// Puts the surface, number `number` of a buffer, where it is nearer than what is there.
     fn draw(&self, number: u32, buffer: &mut DepthBuffer) {
         let part = self.window.intersection(&buffer.window);
-        if self.nearest_m <= NEAR_M || self.surface.mesh().triangles.len() >= TRIANGLES_PER_PIXEL * part.area() {
+        if self.nearest_m() <= NEAR_M || self.surface.mesh().triangles.len() >= TRIANGLES_PER_PIXEL * part.area() {
             for row in part.rows() {
                 for column in part.columns() {
                     let pixel = buffer.pixel(column, row);
-                    if let Some(hit) = self.surface.cast_within(&self.p_BC, &self.ray_B(column, row), pixel.depth_m) {
+                    if let Some(hit) = self.along(&self.ray_C(column, row), pixel.depth_m) {
                         *pixel = Pixel::new(number, hit);
                     }
                 }
@@ -118,7 +121,7 @@ impl<'a> Sight<'a> {
     /// Draws a part of a buffer by scan conversion.
     fn rasterize(&self, number: u32, part: &PixelWindow, buffer: &mut DepthBuffer) {
         let mesh = self.surface.mesh();
-        let rays = part.rows().flat_map(|row| part.columns().map(move |column| self.ray_B(column, row)));
+        let rays = part.rows().flat_map(|row| part.columns().map(move |column| self.R_BC * self.ray_C(column, row)));
         let rays_B: Vec<Vector3<f64>> = rays.collect();
         let in_image = |p_B: &Point3<f64>| {
             let p_C = self.in_camera(p_B);
@@ -157,10 +160,10 @@ impl<'a> Sight<'a> {
         }
     }
 
-    /// The ray through a pixel's centre, in B; its third component in C is one.
-    fn ray_B(&self, column: u32, row: u32) -> Vector3<f64> {
+    /// The ray through a pixel's centre, in C; its third component is one.
+    fn ray_C(&self, column: u32, row: u32) -> Vector3<f64> {
         let uv = Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
-        self.R_BC * self.camera.back_project(&uv, 1.0).coords
+        self.camera.back_project(&uv, 1.0).coords
     }
 
     fn in_pixels(&self, axis: usize, slope: f64) -> f64 {

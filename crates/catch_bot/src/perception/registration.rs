@@ -318,7 +318,14 @@ impl<'a> Registration<'a> {
     /// Sums over the points. The error that the depths of each image have in common is eliminated.
     fn sum_points(&self, residuals: &[PointResidual], scale: f64) -> Sums {
         let mut sums = Sums::ZERO;
-        let [own, common] = self.fractions(residuals, scale);
+        let Some(told) = self.config.depth_common_fraction else {
+            for PointResidual { p_O, n_O, distance_m, sd_m, .. } in residuals {
+                let curvature = sums.weigh(*distance_m, *sd_m, scale) / (sd_m * sd_m);
+                sums.equations.add(p_O, n_O, curvature, curvature * distance_m);
+            }
+            return sums;
+        };
+        let [own, common] = fractions(told, residuals, scale);
         for image in residuals.chunk_by(|a, b| a.image == b.image) {
             let mut of_image = CommonError::new(0.0);
             for PointResidual { p_O, n_O, distance_m, sd_m, by_depth_m, .. } in image {
@@ -332,36 +339,6 @@ impl<'a> Registration<'a> {
             sums.equations.eliminate(&of_image);
         }
         sums
-    }
-
-    /// Fractions of the depths' variance that each pixel has by itself, and that all of an image have in
-    /// common: those that were told, or more where the scatter within the images contradicts.
-    ///
-    /// A fraction that is told wrongly costs more than the noise itself: depths of which all noise is said to
-    /// be common would show the shape almost exactly.
-    fn fractions(&self, residuals: &[PointResidual], scale: f64) -> [f64; 2] {
-        let common = self.config.depth_common_fraction.unwrap_or_default();
-        let (mut scatter_m2, mut depth_m2, mut unused) = (0.0, 0.0, Sums::ZERO);
-        for image in residuals.chunk_by(|a, b| a.image == b.image) {
-            let [mut on_depth, mut on_distance, mut squares_m2] = [0.0; 3];
-            for PointResidual { distance_m, sd_m, by_depth_m, .. } in image {
-                let weight = unused.weigh(*distance_m, *sd_m, scale);
-                on_depth += weight * by_depth_m * by_depth_m;
-                on_distance += weight * by_depth_m * distance_m;
-                // Beside what depths cause.
-                let other_m2 = sd_m * sd_m - by_depth_m * by_depth_m;
-                squares_m2 += weight * (distance_m * distance_m / MEAN_SQUARE - other_m2);
-            }
-            if on_depth > 0.0 {
-                scatter_m2 += squares_m2 - on_distance * on_distance / (MEAN_SQUARE * on_depth);
-                depth_m2 += on_depth * (1.0 - 1.0 / image.len() as f64);
-            }
-        }
-        if depth_m2 <= 0.0 {
-            return [1.0 - common, common];
-        }
-        let own = (scatter_m2 / depth_m2).clamp(0.0, 1.0);
-        [own.max(1.0 - common), common.max(1.0 - own)]
     }
 
     /// Brings the residuals of all points whose depths tell the shape to a pose.
@@ -387,6 +364,35 @@ impl<'a> Registration<'a> {
             residual.sd_m = variance.sqrt();
         }
     }
+}
+
+/// Fractions of the depths' variance that each pixel has by itself, and that all of an image have in
+/// common: those that were told, or more where the scatter within the images contradicts.
+///
+/// A fraction that is told wrongly costs more than the noise itself: depths of which all noise is said to
+/// be common would show the shape almost exactly.
+fn fractions(told: f64, residuals: &[PointResidual], scale: f64) -> [f64; 2] {
+    let (mut scatter_m2, mut depth_m2, mut unused) = (0.0, 0.0, Sums::ZERO);
+    for image in residuals.chunk_by(|a, b| a.image == b.image) {
+        let [mut on_depth, mut on_distance, mut squares_m2] = [0.0; 3];
+        for PointResidual { distance_m, sd_m, by_depth_m, .. } in image {
+            let weight = unused.weigh(*distance_m, *sd_m, scale);
+            on_depth += weight * by_depth_m * by_depth_m;
+            on_distance += weight * by_depth_m * distance_m;
+            // Beside what depths cause.
+            let other_m2 = sd_m * sd_m - by_depth_m * by_depth_m;
+            squares_m2 += weight * (distance_m * distance_m / MEAN_SQUARE - other_m2);
+        }
+        if on_depth > 0.0 {
+            scatter_m2 += squares_m2 - on_distance * on_distance / (MEAN_SQUARE * on_depth);
+            depth_m2 += on_depth * (1.0 - 1.0 / image.len() as f64);
+        }
+    }
+    if depth_m2 <= 0.0 {
+        return [1.0 - told, told];
+    }
+    let own = (scatter_m2 / depth_m2).clamp(0.0, 1.0);
+    [own.max(1.0 - told), told.max(1.0 - own)]
 }
 
 /// The points of a scene, image by image.
