@@ -8,6 +8,7 @@ mod arm_edges;
 pub mod camera_alignment;
 pub mod camera_health;
 pub mod camera_offsets;
+mod common_noise;
 mod detection;
 mod distance_field;
 mod edge_growth;

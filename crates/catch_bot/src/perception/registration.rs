@@ -9,7 +9,7 @@ use catch_body::Pose;
 use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 
 use super::{
-    Config, PerceptionStatus, ReferenceModel,
+    Config, PerceptionStatus, ReferenceModel, common_noise,
     normal_equations::{CommonError, MEAN_SQUARE, NormalEquations, Sums},
     point_cloud::{PointResidual, SceneCloud, ScenePoint},
     reference::MODEL_SD_M,
@@ -325,7 +325,7 @@ impl<'a> Registration<'a> {
             }
             return sums;
         };
-        let [own, common] = fractions(told, residuals, scale);
+        let [own, common] = common_noise::fractions(told, residuals, scale);
         for image in residuals.chunk_by(|a, b| a.image == b.image) {
             let mut of_image = CommonError::new(0.0);
             for PointResidual { p_O, n_O, distance_m, sd_m, by_depth_m, .. } in image {
@@ -364,35 +364,6 @@ impl<'a> Registration<'a> {
             residual.sd_m = variance.sqrt();
         }
     }
-}
-
-/// Fractions of the depths' variance that each pixel has by itself, and that all of an image have in
-/// common: those that were told, or more where the scatter within the images contradicts.
-///
-/// A fraction that is told wrongly costs more than the noise itself: depths of which all noise is said to
-/// be common would show the shape almost exactly.
-fn fractions(told: f64, residuals: &[PointResidual], scale: f64) -> [f64; 2] {
-    let (mut scatter_m2, mut depth_m2, mut unused) = (0.0, 0.0, Sums::ZERO);
-    for image in residuals.chunk_by(|a, b| a.image == b.image) {
-        let [mut on_depth, mut on_distance, mut squares_m2] = [0.0; 3];
-        for PointResidual { distance_m, sd_m, by_depth_m, .. } in image {
-            let weight = unused.weigh(*distance_m, *sd_m, scale);
-            on_depth += weight * by_depth_m * by_depth_m;
-            on_distance += weight * by_depth_m * distance_m;
-            // Beside what depths cause.
-            let other_m2 = sd_m * sd_m - by_depth_m * by_depth_m;
-            squares_m2 += weight * (distance_m * distance_m / MEAN_SQUARE - other_m2);
-        }
-        if on_depth > 0.0 {
-            scatter_m2 += squares_m2 - on_distance * on_distance / (MEAN_SQUARE * on_depth);
-            depth_m2 += on_depth * (1.0 - 1.0 / image.len() as f64);
-        }
-    }
-    if depth_m2 <= 0.0 {
-        return [1.0 - told, told];
-    }
-    let own = (scatter_m2 / depth_m2).clamp(0.0, 1.0);
-    [own.max(1.0 - told), told.max(1.0 - own)]
 }
 
 /// The points of a scene, image by image.
