@@ -156,8 +156,9 @@ impl DepthCameras {
             let window = view.window(index, camera, readout, edge_px);
             // A pixel's measurement depends on its neighbours too.
             let around = |part: PixelWindow| part.widened(edge_px, &camera.full_window());
-            let covered = around(view.covered(camera)).intersection(&window);
-            let exact = view.image(camera, around(covered), channels);
+            let bodies = view.bodies(camera);
+            let covered = around(view.covered(camera, &bodies)).intersection(&window);
+            let exact = view.image(camera, &bodies, around(covered), channels);
             let hidden = self.holes.as_ref().map(|holes| holes.pixels(&exact.part(covered), scene.X_WO));
             let pixels = key.part(Place::Pixels as u64);
             let mut image = match (&self.config.model, stereo) {

@@ -64,7 +64,7 @@ impl Renderer {
         let frame_of = |(index, camera): (usize, &CameraModel)| {
             let window = view.window(index, camera, readout, 0);
             let channels = Channels { shows_object: labelled, facing: false };
-            view.image(camera, window, channels).frame(index, scene.capture_s)
+            view.image(camera, &view.bodies(camera), window, channels).frame(index, scene.capture_s)
         };
         cameras.iter().enumerate().map(frame_of).collect()
     }
@@ -110,23 +110,32 @@ impl<'a> View<'a> {
         }
     }
 
-    /// The pixels that may show any surface.
-    pub fn covered(&self, camera: &CameraModel) -> PixelWindow {
-        if self.floor_visible {
-            return camera.full_window();
-        }
-        let bodies = std::iter::once(&self.object).chain(&self.others);
+    /// All bodies before a camera: the object, then the others from near to far. The order is the same for all
+    /// windows.
+    pub fn bodies<'c>(&self, camera: &'c CameraModel) -> Vec<Sight<'c>>
+    where
+        'a: 'c,
+    {
+        let all = std::iter::once(&self.object).chain(&self.others);
+        let mut bodies: Vec<Sight> = all.map(|(X_WB, surface)| Sight::new(camera, X_WB, surface)).collect();
+        bodies[1..].sort_by(|one, two| one.nearest_m().total_cmp(&two.nearest_m()));
         bodies
-            .map(|(X_WB, surface)| Sight::new(camera, X_WB, surface).window())
-            .fold(PixelWindow::default(), |a, b| a.hull(&b))
     }
 
-    /// Renders a camera's image in a window.
-    pub fn image<'c>(&self, camera: &'c CameraModel, window: PixelWindow, channels: Channels) -> Image<'c> {
-        let sight = |(X_WB, surface): &(Pose, &'a RayCaster)| Sight::new(camera, X_WB, surface);
-        // The object, and the others from near to far. The order is the same for all windows.
-        let mut bodies: Vec<Sight> = std::iter::once(&self.object).chain(&self.others).map(sight).collect();
-        bodies[1..].sort_by(|one, two| one.nearest_m().total_cmp(&two.nearest_m()));
+    /// The pixels that may show any surface.
+    pub fn covered(&self, camera: &CameraModel, bodies: &[Sight]) -> PixelWindow {
+        let all = bodies.iter().map(Sight::window).fold(PixelWindow::default(), |a, b| a.hull(&b));
+        if self.floor_visible { camera.full_window() } else { all }
+    }
+
+    /// Renders a camera's image of bodies in a window.
+    pub fn image<'c>(
+        &self,
+        camera: &'c CameraModel,
+        bodies: &[Sight],
+        window: PixelWindow,
+        channels: Channels,
+    ) -> Image<'c> {
         let seen = DepthBuffer::new(window, bodies.iter().copied());
 
         let up_C = camera.X_WC.rotation.inverse() * Vector3::z();
