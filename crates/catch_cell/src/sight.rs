@@ -121,8 +121,7 @@ impl<'a> Sight<'a> {
     /// Draws a part of a buffer by scan conversion.
     fn rasterize(&self, number: u32, part: &PixelWindow, buffer: &mut DepthBuffer) {
         let mesh = self.surface.mesh();
-        let rays = part.rows().flat_map(|row| part.columns().map(move |column| self.R_BC * self.ray_C(column, row)));
-        let rays_B: Vec<Vector3<f64>> = rays.collect();
+        let slopes: Vec<f64> = part.columns().map(|column| self.ray_C(column, 0).x).collect();
         let in_image = |p_B: &Point3<f64>| {
             let p_C = self.in_camera(p_B);
             let [u, v] = [0, 1].map(|axis| self.in_pixels(axis, p_C[axis] / p_C.z));
@@ -144,13 +143,14 @@ impl<'a> Sight<'a> {
                     let spans = edges.iter().filter_map(|edge| edge.span(f64::from(row) + 0.5));
                     let join = |one: [f64; 2], other: [f64; 2]| [one[0].min(other[0]), one[1].max(other[1])];
                     let [left, right] = spans.fold([f64::MAX, f64::MIN], join);
+                    let slope = self.ray_C(0, row).y;
                     for column in centres_within(left, right, part.columns()) {
                         let pixel = buffer.pixel(column, row);
                         if least_m > pixel.depth_m {
                             continue;
                         }
-                        let ray_B = &rays_B[((row - part.top) * part.width + column - part.left) as usize];
-                        let hit = self.surface.cast_at(triangle, &self.p_BC, ray_B);
+                        let ray_B = self.R_BC * Vector3::new(slopes[(column - part.left) as usize], slope, 1.0);
+                        let hit = self.surface.cast_at(triangle, &self.p_BC, &ray_B);
                         if let Some(hit) = hit.filter(|hit| pixel.is_behind(number, hit)) {
                             *pixel = Pixel::new(number, hit);
                         }
