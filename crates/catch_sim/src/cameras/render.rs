@@ -110,8 +110,8 @@ impl<'a> View<'a> {
         }
     }
 
-    /// All bodies before a camera: the object, then the others from near to far. The order is the same for all
-    /// windows.
+    /// All bodies before a camera: the object, then the others from near to far. The order is the same for
+    /// all windows.
     pub fn bodies<'c>(&self, camera: &'c CameraModel) -> Vec<Sight<'c>>
     where
         'a: 'c,
