@@ -115,7 +115,7 @@ impl PixelWindow {
         Self { left: columns.start, top: rows.start, width: columns.end - columns.start, height: rows.end - rows.start }
     }
 
-    /// Columns of the image.
+    /// Columns of the image. Windows come from outside and may be anything.
     pub fn columns(&self) -> Range<u32> {
         self.left..self.left.saturating_add(self.width)
     }
@@ -152,19 +152,16 @@ impl PixelWindow {
         if self.area() == 0 {
             return *self;
         }
-        let (left, top) = (self.left.saturating_sub(margin_px), self.top.saturating_sub(margin_px));
-        let (width, height) = (self.left - left + self.width + margin_px, self.top - top + self.height + margin_px);
-        Self { left, top, width, height }.intersection(within)
+        let wide = |of: Range<u32>| of.start.saturating_sub(margin_px)..of.end.saturating_add(margin_px);
+        Self::of(&wide(self.columns()), &wide(self.rows())).intersection(within)
     }
 
     /// The pixels that it shares with another window; where there are none, an empty window in its own first
     /// corner.
     pub fn intersection(&self, other: &Self) -> Self {
         let (left, top) = (self.left.max(other.left), self.top.max(other.top));
-        // Windows come from outside and may be anything.
-        let end = |from: u32, length: u32| from.saturating_add(length);
-        let right = end(self.left, self.width).min(end(other.left, other.width));
-        let bottom = end(self.top, self.height).min(end(other.top, other.height));
+        let right = self.columns().end.min(other.columns().end);
+        let bottom = self.rows().end.min(other.rows().end);
         if right <= left || bottom <= top {
             return Self { left: self.left, top: self.top, width: 0, height: 0 };
         }

@@ -1,7 +1,7 @@
 //! How much of the depth noise the pixels of an image have in common.
 
 use super::{
-    normal_equations::{MEAN_SQUARE, Sums},
+    normal_equations::{MEAN_SQUARE, weight},
     point_cloud::PointResidual,
 };
 
@@ -11,11 +11,11 @@ use super::{
 /// A fraction that is told wrongly costs more than the noise itself: depths of which all noise is said to
 /// be common would show the shape almost exactly.
 pub fn fractions(told: f64, residuals: &[PointResidual], scale: f64) -> [f64; 2] {
-    let (mut scatter_m2, mut depth_m2, mut unused) = (0.0, 0.0, Sums::ZERO);
+    let (mut scatter_m2, mut depth_m2) = (0.0, 0.0);
     for image in residuals.chunk_by(|a, b| a.image == b.image) {
         let [mut on_depth, mut on_distance, mut squares_m2] = [0.0; 3];
         for PointResidual { distance_m, sd_m, by_depth_m, .. } in image {
-            let weight = unused.weigh(*distance_m, *sd_m, scale);
+            let weight = weight(distance_m / sd_m, scale);
             on_depth += weight * by_depth_m * by_depth_m;
             on_distance += weight * by_depth_m * distance_m;
             // Beside what depths cause.

@@ -110,6 +110,14 @@ impl CommonError {
     }
 }
 
+/// Weight of a residual in standard deviations after Geman and McClure, w = 1/(1 + (r/c)²)².
+#[inline]
+pub(super) fn weight(in_sd: f64, scale: f64) -> f64 {
+    let beyond = in_sd / (OUTLIER_SD * scale);
+    let root = 1.0 / (1.0 + beyond * beyond);
+    root * root
+}
+
 /// Sums over one kind of residuals.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sums {
@@ -134,13 +142,11 @@ impl Sums {
         distances_m: 0.0,
     };
 
-    /// Counts a residual and returns its weight after Geman and McClure, w = 1/(1 + (r/c)²)².
+    /// Counts a residual and returns its weight.
     #[inline]
     pub fn weigh(&mut self, distance_m: f64, sd_m: f64, scale: f64) -> f64 {
         let in_sd = distance_m / sd_m;
-        let beyond = in_sd / (OUTLIER_SD * scale);
-        let root = 1.0 / (1.0 + beyond * beyond);
-        let weight = root * root;
+        let weight = weight(in_sd, scale);
         self.weight += weight;
         self.squares += weight * in_sd * in_sd;
         self.squares_m2 += weight * distance_m * distance_m;

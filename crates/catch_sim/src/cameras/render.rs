@@ -143,8 +143,8 @@ impl<'a> View<'a> {
         let mut image = Image::empty(camera, window, channels);
         for (pixel, seen) in seen.pixels().enumerate().filter(|(_, seen)| seen.is_some() || floor.is_some()) {
             let ray_C = camera.back_project(&window.pixel_centre(pixel), 1.0).coords;
-            let floor_m = floor.map(|(below_m, up_C)| below_m / up_C.dot(&ray_C)).filter(|it| *it > 0.0);
-            let floor_m = floor_m.filter(|it| it.is_finite());
+            let floor_m = floor.map(|(below_m, up_C)| below_m / up_C.dot(&ray_C));
+            let floor_m = floor_m.filter(|it| *it > 0.0 && it.is_finite());
             let nearest = seen.filter(|(_, hit)| floor_m.is_none_or(|floor_m| hit.t <= floor_m));
             let Some(depth_m) = nearest.map(|(_, hit)| hit.t).or(floor_m) else { continue };
             image.depth_m[pixel] = depth_m as f32;
@@ -161,7 +161,7 @@ impl<'a> View<'a> {
     }
 }
 
-/// The nearest depth seen so far in each pixel of a window.
+/// The nearest surface in each pixel of a window.
 pub(super) struct Image<'a> {
     pub camera: &'a CameraModel,
     pub window: PixelWindow,
