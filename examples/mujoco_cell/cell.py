@@ -9,6 +9,8 @@ import numpy as np
 import catchingbot as cb
 
 TICK_S = 0.001
+# Inertia of motor and gear of a real gripper at each finger: chosen, as in docs/explanation/physics.md.
+DRIVE_KG = 0.5
 # What can touch the object, in the order in which the referee asks for it.
 PARTS = ["left", "right", "palm", "arm", "floor", "obstacle"]
 
@@ -23,7 +25,7 @@ class Fingers:
         # What a move says that the fingers obey: all of it, the width alone, or only whether they open or close.
         self.control = gripper.get("drive", {}).get("control", "speed_and_force")
         # A real drive is critically damped at 300 rad/s and knows limits; an ideal one is as stiff as 1 kHz allows, and knows none.
-        kg, light = gripper["finger_mass_kg"] + mjcf.DRIVE_KG, min(gripper["finger_mass_kg"] / 0.05, 1.0)
+        kg, light = gripper["finger_mass_kg"] + DRIVE_KG, min(gripper["finger_mass_kg"] / 0.05, 1.0)
         self.stiffness, self.damping, self.ahead_kg = (kg * 300.0**2, 2 * kg * 300.0, kg / 2) if is_real else (1e4 * light, 40 * light, 0.0)
         self.fastest, self.acceleration = (gripper["max_speed_mps"], gripper["max_acceleration_mps2"]) if is_real else (1e3, 1e6)
         # A real one takes moves and tells its state in cycles of its own.
@@ -122,8 +124,7 @@ class MujocoCell:
         drawn, arena, clock = setup.conditions(seed, index), setup.scenario["arena"], setup.scenario["clock"]
         self.setup, self.drawn, self.n, self.random = setup, drawn, setup.dof, np.random.default_rng([seed, index])
         is_real = arena["gripper"] == "real"
-        self.xml, self.nominal = mjcf.scene(setup, drawn, mjcf.DRIVE_KG if is_real else 0.0), mjcf.nominal(setup)
-        self.model = mujoco.MjModel.from_xml_string(self.xml)
+        self.model, self.nominal = mjcf.scene(setup, seed, index, drawn), mjcf.nominal(setup)
         self.data, self.believed = mujoco.MjData(self.model), mujoco.MjData(self.nominal)
         self.executor, self.images = cb.Executor(setup.robot, setup.gripper), Images(setup, drawn, self.random)
         self.fingers = Fingers(setup.gripper.numbers, is_real, drawn["gripper_phase_s"])
@@ -135,15 +136,9 @@ class MujocoCell:
         names = [self.model.geom(i).name.split(":")[0] for i in range(self.model.ngeom)]
         self.part = np.array([PARTS.index(it) if it in PARTS else -1 for it in names])
         self.first_s, self.samples = np.full(len(PARTS), np.inf), []
-        self.release(drawn["release"])
-
-    def release(self, thrown: dict) -> None:
-        self.data.qpos[: self.n + 2] = [*self.setup.ready_q, self.fingers.widest_m / 2, self.fingers.widest_m / 2]
-        X_WO, at = mjcf.matrix(thrown["position_m"], thrown["orientation_xyzw"]), self.data.joint("object")
-        at.qpos = [*X_WO[:3, 3], *np.roll(thrown["orientation_xyzw"], 1)]
-        # MuJoCo has the angular velocity in the body's own axes.
-        at.qvel = [*thrown["velocity_mps"], *X_WO[:3, :3].T @ thrown["spin_radps"]]
-        self.believed.qpos[self.n :] = self.fingers.widest_m / 4
+        # The arm waits, and the object leaves the thrower's hand. The controller believes the fingers half open.
+        mujoco.mj_resetDataKeyframe(self.model, self.data, 0)
+        self.believed.qpos[self.n : self.n + 2] = self.fingers.widest_m / 4
         mujoco.mj_forward(self.model, self.data)
         self.note(np.zeros(len(PARTS), bool))
 
@@ -216,7 +211,7 @@ class MujocoCell:
         is_far = np.linalg.norm(data.body("object").xpos - data.body("gripper").xpos) > 0.3
         options.integrator = mujoco.mjtIntegrator.mjINT_RK4 if is_far else mujoco.mjtIntegrator.mjINT_EULER
         touched, force = np.zeros(len(PARTS), bool), np.zeros(6)
-        for _ in range(round(TICK_S / mjcf.STEP_S)):
+        for _ in range(round(TICK_S / self.model.opt.timestep)):
             mujoco.mj_step(self.model, data)
             for i, contact in enumerate(data.contact):
                 mujoco.mj_contactForce(self.model, data, i, force)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
 
 import catchingbot as cb
 
@@ -38,12 +37,8 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", action="store_true", help="one line of JSON instead of a table")
-    parser.add_argument("--mjcf", type=Path, help="write the first throw's scene to this file, and throw nothing")
     asked = parser.parse_args()
     setup = cb.Setup(asked.scenario, robot=asked.robot, gripper=asked.gripper, object=asked.object, throw=asked.throw)
-    if asked.mjcf:
-        asked.mjcf.write_text(MujocoCell(setup, asked.seed, 0).xml)
-        return
     tell = (lambda *_: None) if asked.json else (lambda index, *why: print(f"{index:5}  {why[0]:20}  {why[1]}", flush=True))
     if not asked.json:
         print("throw  arena                 mujoco")

@@ -1,6 +1,6 @@
 //! A parallel gripper with two fingers.
 //!
-//! Frame G: the fingers close along x, y is the approach, z runs across the gap. The finger called left is
+//! Frame G: the fingers close along x, y is the approach, z is across both. The finger called left is
 //! the one at negative x. `width` is the distance between the inner faces.
 
 use nalgebra::{Matrix3, Point3, Vector3};

@@ -10,6 +10,7 @@ use catch_lab::scenario::{
     setup::{Choice, DEFAULT_SCENARIO, Setup as LabSetup},
 };
 use catch_recording::{brain::Method, whole_file::COMMAND_LINE};
+use catch_view::export::mjcf;
 use numpy::{PyArray1, PyArray2};
 use pyo3::{
     exceptions::PyTypeError,
@@ -187,6 +188,13 @@ impl Setup {
         let drawn =
             self.thrown(py, seed, index, |lab, seed, index| lab.arena(seed, index).truth().conditions.clone())?;
         json_dict(py, &drawn)
+    }
+
+    /// The scene of a throw as a model of MuJoCo (MJCF), the object just released. Masses are nominal, and the
+    /// cameras stand where their rig has them; `conditions` has what is drawn.
+    #[pyo3(signature = (seed=Whole::Default(1), index=Whole::Default(0)), text_signature = "($self, seed=1, index=0)")]
+    fn mjcf(&self, py: Python<'_>, seed: Whole, index: Whole) -> PyResult<String> {
+        self.thrown(py, seed, index, |lab, seed, index| mjcf::scene(lab, seed, index))
     }
 
     /// Throws `trials` times on all cores, or on `threads` at a time, from throw number `first` on: a table

@@ -6,6 +6,7 @@ pub mod gif_picture;
 pub mod lerobot;
 #[cfg(feature = "mcap")]
 pub mod mcap_file;
+pub mod mjcf;
 #[cfg(feature = "plots")]
 pub mod plots;
 #[cfg(feature = "mcap")]

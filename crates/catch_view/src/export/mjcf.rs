@@ -1,0 +1,238 @@
+//! The cell as a model of MuJoCo (MJCF).
+//!
+//! Bodies and joints of the arm begin with `arm/`. Geoms begin with their part: `arm:3:0` is a capsule of the
+//! third link, `object:0` a convex part of the object. Cameras see geoms of group 1; those of group 3 only
+//! collide. The object touches everything else, and nothing else touches anything.
+
+use std::fmt::Write;
+
+use catch_body::{
+    Gripper, Pose, Robot,
+    robot::Inertia,
+    shape::{Capsule, Cuboid},
+};
+use catch_cell::CameraModel;
+use catch_lab::scenario::setup::Setup;
+use catch_sim::{GripperDriveKind, Release, ThrownObject, gripper_drive::DRIVE_MASS_KG, object::ColliderPart};
+use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
+
+/// Highest rate of a contact's spring in 1/s: MuJoCo takes no time constant below two steps.
+const MOST_PER_S: f64 = 1000.0;
+/// Radius of the patch with which a hard object resists rotation about the normal.
+const HARD_PATCH_M: f64 = 5e-4;
+
+/// The scene of a throw as MJCF, its object just released. Masses are nominal, and the cameras stand where
+/// their rig has them.
+pub fn scene(setup: &Setup, seed: u64, index: u64) -> String {
+    let Setup { robot, gripper, object, cameras, .. } = setup;
+    let is_real = setup.scenario.arena.gripper == GripperDriveKind::Real;
+    let cameras: String = cameras.iter().enumerate().map(camera).collect();
+    let world = format!(
+        "{}{}{cameras}{}",
+        "<geom name=\"floor:0\" type=\"plane\" size=\"20 20 1\" group=\"3\"/>\n",
+        surroundings(robot),
+        arm(robot, gripper, if is_real { DRIVE_MASS_KG } else { 0.0 }),
+    );
+    let (shapes, body) = thrown(object);
+    let names = |text: &str| {
+        text.split("<geom name=\"").skip(1).filter_map(|it| it.split('"').next()).map(str::to_owned).collect()
+    };
+    let [touched, touching]: [Vec<String>; 2] = [names(&world), names(&body)];
+    let contact = contact_attributes(setup);
+    let mut pairs = String::new();
+    for part in touching.iter().filter(|it| it.starts_with("object:")) {
+        for other in &touched {
+            // Writing to a string never fails.
+            let _ = writeln!(pairs, "<pair geom1=\"{part}\" geom2=\"{other}\" {contact}/>");
+        }
+    }
+    let name = escaped(&format!("{} with {}, {}", robot.name, gripper.name, object.name));
+    format!(
+        "<mujoco model=\"{name}\">\n\
+         <compiler angle=\"radian\" autolimits=\"true\"/>\n\
+         <option timestep=\"0.0005\" cone=\"elliptic\" gravity=\"0 0 -9.81\"/>\n\
+         <default><geom contype=\"0\" conaffinity=\"0\"/></default>\n\
+         <asset>\n{shapes}</asset>\n\
+         <worldbody>\n{world}{body}</worldbody>\n\
+         <contact>\n{pairs}</contact>\n\
+         <actuator>\n{}</actuator>\n\
+         <keyframe>\n{}</keyframe>\n\
+         </mujoco>\n",
+        motors(robot, gripper),
+        released(robot, gripper, &setup.release(seed, index)),
+    )
+}
+
+fn surroundings(robot: &Robot) -> String {
+    let obstacle = |(i, it): (usize, &catch_body::workcell::Obstacle)| match (it.as_cuboid(), it.as_capsule()) {
+        (Some((X_WS, cuboid)), _) => box_geom(&format!("obstacle:{i}"), cuboid, X_WS),
+        (None, Some(capsule)) => capsule_geom(&format!("obstacle:{i}"), capsule),
+        (None, None) => String::new(),
+    };
+    robot.obstacles.iter().enumerate().map(obstacle).collect()
+}
+
+fn camera((i, it): (usize, &CameraModel)) -> String {
+    // MuJoCo's cameras look along −z, with y up, and measure the principal point from the middle.
+    let X_WC = it.X_WC * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    let size = [it.width_px, it.height_px].map(f64::from);
+    // A millimetre a pixel: only the ratio to the focal length counts.
+    format!(
+        "<camera name=\"camera:{i}\" {} resolution=\"{}\" sensorsize=\"{}\" focalpixel=\"{}\" principalpixel=\"{}\"/>\n",
+        placed(&X_WC),
+        numbers(size),
+        numbers(size.map(|it| it / 1000.0)),
+        numbers([it.focal_px; 2]),
+        numbers([0, 1].map(|i| it.principal_px[i] - size[i] / 2.0)),
+    )
+}
+
+/// The arm with its gripper. `drive_kg` is the inertia of the gripper's motor at each finger.
+fn arm(robot: &Robot, gripper: &Gripper, drive_kg: f64) -> String {
+    let shape_of = |link: usize| {
+        let capsules = robot.capsules.iter().filter(move |(of, _)| *of == link).enumerate();
+        capsules.map(move |(i, (_, capsule))| capsule_geom(&format!("arm:{link}:{i}"), capsule)).collect::<String>()
+    };
+    let mut text = format!("<body name=\"arm/base\" {}>\n{}", placed(&robot.X_WB), shape_of(0));
+    for (i, joint) in robot.joints.iter().enumerate() {
+        let _ = write!(
+            text,
+            "<body name=\"arm/{}\" {}>\n<joint name=\"arm/{}\" axis=\"{}\" range=\"{}\" damping=\"{}\" armature=\"{}\"/>\n{}{}",
+            escaped(&joint.link_name),
+            placed(&joint.X_PL),
+            escaped(&joint.name),
+            numbers(<[f64; 3]>::from(joint.axis.into_inner())),
+            numbers([joint.limits.lower, joint.limits.upper]),
+            joint.damping,
+            joint.rotor_inertia,
+            inertial(&joint.inertia),
+            shape_of(i + 1),
+        );
+    }
+    // Axes of G: the fingers close along x, y is the approach.
+    let housing = box_geom("palm:0", &gripper.body(), &Pose::identity());
+    let _ =
+        write!(text, "<body name=\"gripper\" {}>\n{}{housing}", placed(&robot.X_LG), inertial(&gripper.body_inertia()));
+    let fingers = gripper.fingers(0.0).into_iter().zip(gripper.finger_inertias(0.0));
+    for ((name, side), (shape, inertia)) in [("left", -1), ("right", 1)].into_iter().zip(fingers) {
+        let _ = write!(
+            text,
+            "<body name=\"{name}\">\n<joint name=\"{name}\" type=\"slide\" axis=\"{side} 0 0\" range=\"{}\" armature=\"{drive_kg}\"/>\n{}{}</body>\n",
+            numbers([0.0, gripper.max_width_m / 2.0]),
+            inertial(&inertia),
+            box_geom(&format!("{name}:0"), &shape, &Pose::identity()),
+        );
+    }
+    text + &"</body>".repeat(robot.dof() + 2) + "\n"
+}
+
+/// The object's meshes and its body.
+fn thrown(object: &ThrownObject) -> (String, String) {
+    let of = |points: &[Point3<f64>]| numbers(points.iter().flat_map(|it| <[f64; 3]>::from(it.coords)));
+    let faces: Vec<String> = object.mesh.triangles.iter().flatten().map(u32::to_string).collect();
+    let vertices = of(&object.mesh.vertices);
+    let mut meshes =
+        format!("<mesh name=\"surface\" inertia=\"shell\" vertex=\"{vertices}\" face=\"{}\"/>\n", faces.join(" "));
+    let inertia = Inertia { mass: object.mass_kg, com: object.com_O, about_com: object.inertia_kgm2 };
+    let mut body = format!(
+        "<body name=\"object\">\n<freejoint name=\"object\"/>\n{}<geom name=\"surface\" type=\"mesh\" mesh=\"surface\" group=\"1\"/>\n",
+        inertial(&inertia),
+    );
+    for (i, part) in object.parts.iter().enumerate() {
+        let shape = match part {
+            ColliderPart::Ball { centre, radius_m } => format!("size=\"{radius_m}\" pos=\"{}\"", of(&[*centre])),
+            ColliderPart::Hull(points) => {
+                let _ = writeln!(meshes, "<mesh name=\"part{i}\" vertex=\"{}\"/>", of(points));
+                format!("type=\"mesh\" mesh=\"part{i}\"")
+            }
+        };
+        let _ = writeln!(body, "<geom name=\"object:{i}\" group=\"3\" {shape}/>");
+    }
+    (meshes, body + "</body>\n")
+}
+
+/// Contacts of the object: as stiff as its surface, with its restitution. A soft one has a patch that resists
+/// rotation, two thirds of its radius.
+fn contact_attributes(setup: &Setup) -> String {
+    let Setup { object, gripper, .. } = setup;
+    let finger_kg = gripper.finger_mass_kg + DRIVE_MASS_KG;
+    let reduced_kg = object.mass_kg * finger_kg / (object.mass_kg + finger_kg);
+    let rate_per_s = object.stiffness_npm.map_or(MOST_PER_S, |it| (it / reduced_kg).sqrt().min(MOST_PER_S));
+    let radius_m = object.mesh.aabb().size.min() / 2.0;
+    let patch_m = |stiffness_npm: f64| (radius_m * gripper.max_force_n / stiffness_npm).sqrt() * 2.0 / 3.0;
+    let torsion_m = object.stiffness_npm.map_or(HARD_PATCH_M, patch_m);
+    // The damping ratio of a damped spring with this restitution.
+    let log = libm::log(object.restitution.max(1e-3));
+    let ratio = -log / libm::hypot(log, std::f64::consts::PI);
+    let [low, high] = object.friction.unwrap_or(setup.scenario.arena.friction).bounds();
+    let friction = f64::midpoint(low, high).max(1e-5);
+    // Restitution by `solref` must not weaken the friction: that has a time constant of its own.
+    format!(
+        "condim=\"4\" friction=\"{}\" solref=\"{}\" solreffriction=\"0.0035 1\" solimp=\"0.95 0.99 0.001 0.5 2\"",
+        numbers([friction, friction, torsion_m, 1e-4, 1e-4]),
+        numbers([1.0 / (rate_per_s * ratio), ratio]),
+    )
+}
+
+fn motors(robot: &Robot, gripper: &Gripper) -> String {
+    let joints = robot.joints.iter().map(|it| (format!("arm/{}", escaped(&it.name)), it.limits.torque));
+    let fingers = ["left", "right"].map(|it| (it.to_owned(), gripper.max_force_n));
+    let motor = |(name, most): (String, f64)| {
+        format!("<motor name=\"{name}\" joint=\"{name}\" ctrlrange=\"{}\"/>\n", numbers([-most, most]))
+    };
+    joints.chain(fingers).map(motor).collect()
+}
+
+/// The arm waits with its gripper open, and the object leaves the thrower's hand.
+fn released(robot: &Robot, gripper: &Gripper, release: &Release) -> String {
+    let object = release.p_WO.coords.iter().copied().chain(real_first(&release.q_WO));
+    let fingers = [gripper.max_width_m / 2.0; 2];
+    let qpos = robot.ready_q.iter().copied().take(robot.dof()).chain(fingers).chain(object);
+    // The angular velocity of a free body is in its own axes.
+    let spin = release.q_WO.inverse() * release.omega_WO;
+    let still = std::iter::repeat_n(0.0, robot.dof() + 2);
+    let qvel = still.chain(release.v_WO.iter().copied()).chain(spin.iter().copied());
+    format!("<key name=\"released\" qpos=\"{}\" qvel=\"{}\"/>\n", numbers(qpos), numbers(qvel))
+}
+
+fn inertial(of: &Inertia) -> String {
+    let I = &of.about_com;
+    let moments = [I[(0, 0)], I[(1, 1)], I[(2, 2)], I[(0, 1)], I[(0, 2)], I[(1, 2)]];
+    let com = numbers(<[f64; 3]>::from(of.com.coords));
+    format!("<inertial mass=\"{}\" pos=\"{com}\" fullinertia=\"{}\"/>\n", of.mass, numbers(moments))
+}
+
+fn box_geom(name: &str, of: &Cuboid, X: &Pose) -> String {
+    let place = placed(&(X * Translation3::from(of.centre.coords)));
+    let size = numbers(<[f64; 3]>::from(of.size / 2.0));
+    format!("<geom name=\"{name}\" type=\"box\" size=\"{size}\" group=\"1\" {place}/>\n")
+}
+
+/// A capsule; one without length is a ball.
+fn capsule_geom(name: &str, of: &Capsule) -> String {
+    let [from, to] = [of.from, of.to].map(|end| numbers(<[f64; 3]>::from(end.coords)));
+    let shape = if of.from == of.to {
+        format!("type=\"sphere\" pos=\"{from}\"")
+    } else {
+        format!("type=\"capsule\" fromto=\"{from} {to}\"")
+    };
+    format!("<geom name=\"{name}\" size=\"{}\" group=\"1\" {shape}/>\n", of.radius)
+}
+
+fn placed(X: &Pose) -> String {
+    let position = numbers(<[f64; 3]>::from(X.translation.vector));
+    format!("pos=\"{position}\" quat=\"{}\"", numbers(real_first(&X.rotation)))
+}
+
+fn real_first(q: &UnitQuaternion<f64>) -> [f64; 4] {
+    [q.w, q.i, q.j, q.k]
+}
+
+fn numbers(values: impl IntoIterator<Item = f64>) -> String {
+    let texts: Vec<String> = values.into_iter().map(|it| it.to_string()).collect();
+    texts.join(" ")
+}
+
+fn escaped(name: &str) -> String {
+    name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}
