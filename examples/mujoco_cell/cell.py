@@ -146,11 +146,16 @@ class MujocoCell:
     def time_s(self) -> float:
         return self.ticks * TICK_S
 
-    def sense(self) -> cb.Observation:
-        """Time passes until the next images; what is sensed then."""
+    def wait(self) -> None:
+        """Time passes until the next images."""
         for _ in range(self.period if self.has_sensed else 0):
             self.tick()
-        self.has_sensed, now_s = True, self.time_s
+        self.has_sensed = True
+
+    def sense(self) -> cb.Observation:
+        """What is sensed when the next images are due."""
+        self.wait()
+        now_s = self.time_s
         for camera in range(len(self.images.cameras)):
             window = None if self.windows is None else self.windows[camera]
             if (frame := self.images.take(self.model, self.data, camera, now_s, window)) is not None:

@@ -174,6 +174,11 @@ impl Command {
     pub fn of_brain(sent: Sent, snapshot: StateSnapshot, dof: usize) -> Self {
         Self { sent, snapshot: Some(Arc::new(snapshot)), dof }
     }
+
+    /// Creates a recorded command for an arm with `dof` joints.
+    pub fn recorded(sent: Sent, dof: usize) -> Self {
+        Self { sent, snapshot: None, dof }
+    }
 }
 
 #[pymethods]

@@ -21,6 +21,7 @@ mod policy_actor;
 mod policy_view;
 mod python_brain;
 mod python_stages;
+mod recording;
 mod registration;
 mod setup;
 mod steered_arena;
@@ -48,6 +49,7 @@ mod _catchingbot {
         observation::{DepthFrame, Observation},
         plan::Plan,
         python_stages::{ObjectPose, Situation},
+        recording::{Recording, recorded_setup},
         registration::{RegisteredPose, register},
         setup::Setup,
         steered_arena::SteeredArena,

@@ -44,6 +44,12 @@ pub struct Setup {
 }
 
 impl Setup {
+    /// The setup of a recorded throw.
+    pub fn of_recording(py: Python<'_>, lab: Arc<LabSetup>, file: &str) -> PyResult<Self> {
+        let make = py.import("catchingbot._catchingbot")?.getattr("recorded_setup")?;
+        Ok(Self { lab, made_by: (make.unbind(), (file,).into_pyobject(py)?.unbind()) })
+    }
+
     /// A condition of a study: the study, and the numbers of step and condition.
     pub fn of_study(
         py: Python<'_>,
