@@ -34,7 +34,7 @@ def main() -> None:
     asked = parser.parse_args()
     for file in asked.recordings:
         recording = cb.Recording(file)
-        arena, mujoco = "caught" if recording.caught else "missed", rerun(recording) or "caught"
+        arena, mujoco = recording.reason or "caught", rerun(recording) or "caught"
         print(json.dumps({"recording": str(file), "arena": arena, "mujoco": mujoco}) if asked.json else f"{file}: {arena} in the arena, {mujoco} in MuJoCo")
 
 

@@ -2,16 +2,18 @@
 
 use std::{path::PathBuf, sync::Arc};
 
+use catch_body::Pose;
 use catch_lab::{
     assets::Origin,
-    recording::{LabReader, Simulation},
+    recording::{GroundTruth, LabReader, Simulation},
     scenario::setup::{Choice, Setup as LabSetup},
 };
 use catch_recording::Part;
-use pyo3::prelude::*;
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
-    arguments::{Named, fault, input_fault},
+    arguments::{Named, fault, input_fault, name_of},
     cell_state::Made,
     command::Command,
     setup::Setup,
@@ -22,7 +24,7 @@ use crate::{
 pub struct Recording {
     file: PathBuf,
     simulation: Simulation,
-    caught: bool,
+    truth: GroundTruth,
     /// Commands with the times of the observations that they answer.
     commands: Vec<(f64, catch_cell::Command)>,
     dof: usize,
@@ -42,8 +44,8 @@ impl Recording {
             match reader.next_part().map_err(input_fault)? {
                 Part::Tick(tick) => commands.push((tick.observation.time_s, tick.command)),
                 Part::Ending(ending) => {
-                    let caught = ending.ground_truth.ok_or_else(none)?.verdict.caught;
-                    return Ok(Self { file, simulation, caught, commands, dof });
+                    let truth = ending.ground_truth.ok_or_else(none)?;
+                    return Ok(Self { file, simulation, truth, commands, dof });
                 }
             }
         }
@@ -75,10 +77,39 @@ impl Recording {
         self.simulation.scene.index
     }
 
-    /// True if the object was caught and held.
+    /// Reason of the miss, if the object was not caught.
     #[getter]
-    fn caught(&self) -> bool {
-        self.caught
+    fn reason(&self) -> Option<String> {
+        self.truth.verdict.reason.map(name_of)
+    }
+
+    /// The true motion as `judge` takes it.
+    #[getter]
+    fn samples<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let samples = &self.truth.truth.samples;
+        let dict = PyDict::new(py);
+        let rows = |of: Vec<f64>| PyArray1::from_vec(py, of);
+        dict.set_item("time_s", rows(samples.iter().map(|it| it.time_s).collect()))?;
+        dict.set_item("width_m", rows(samples.iter().map(|it| it.width_m).collect()))?;
+        dict.set_item("commanded_width_m", rows(samples.iter().map(|it| it.commanded_width_m).collect()))?;
+        let matrix = |X: &Pose| <[[f64; 4]; 4]>::from(X.to_homogeneous().transpose()).into_iter().flatten();
+        let poses = [samples.len(), 4, 4];
+        dict.set_item("X_WG", rows(samples.iter().flat_map(|it| matrix(&it.X_WG)).collect()).reshape(poses)?)?;
+        dict.set_item("X_WO", rows(samples.iter().flat_map(|it| matrix(&it.X_WO)).collect()).reshape(poses)?)?;
+        let speeds = samples.iter().flat_map(|it| it.dq.iter().copied().take(self.dof)).collect();
+        dict.set_item("dq", rows(speeds).reshape([samples.len(), self.dof])?)?;
+        let contacts = samples
+            .iter()
+            .map(|it| it.contact)
+            .flat_map(|it| [it.left_finger, it.right_finger, it.palm, it.arm, it.floor, it.obstacle].map(f64::from));
+        dict.set_item("contacts", rows(contacts.collect()).reshape([samples.len(), 6])?)?;
+        Ok(dict)
+    }
+
+    /// Start of the disturbance test, if there was one.
+    #[getter]
+    fn disturbed_since_s(&self) -> Option<f64> {
+        self.truth.truth.disturbed_since_s
     }
 
     /// Commands, each with the time of the observation that it answers.

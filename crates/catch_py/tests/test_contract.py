@@ -304,3 +304,27 @@ def test_a_forked_process_goes_on(setup):
     code = "import os, catchingbot as cb; s = cb.Setup('paper'); s.arena().sense(); p = os.fork()\nif p == 0: os._exit(0 if s.run().caught else 1)\nassert os.waitpid(p, 0)[1] == 0"
     run = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, check=False, timeout=120)
     assert run.returncode == 0, run.stderr
+
+
+def test_recordings_have_the_scene_the_commands_and_the_truth(tmp_path):
+    setup = cb.Setup("honest", object="banana", settings={"arena.restitution_scale": 0.9})
+    file = tmp_path / "banana.catch"
+    for index in range(3):
+        trial = setup.run(2, index)
+        file.write_bytes(trial.recording)
+        it = pickle.loads(pickle.dumps(cb.Recording(file)))
+        assert (it.seed, it.index, it.reason) == (2, index, trial.reason)
+        assert cb.judge(it.samples, it.disturbed_since_s) is None or trial.reason is not None
+        # The same scene and the same commands have the same end; the reason of a miss is the brain's part, too.
+        again = pickle.loads(pickle.dumps(it.setup))
+        assert again.conditions(2, index) == setup.conditions(2, index)
+        arena, commands = again.arena(2, index), iter(it.commands)
+        while not arena.done:
+            seen, (time_s, command) = arena.sense(), next(commands)
+            assert seen.time_s == time_s
+            arena.act(command)
+        assert all(arena.row[it] == trial.row[it] for it in ["caught", "contact_s", "peak_contact_impulse_ns"])
+    raises("file", cb.Recording, 3)
+    (tmp_path / "none.catch").write_bytes(b"x")
+    with pytest.raises(ValueError, match="none.catch"):
+        cb.Recording(tmp_path / "none.catch")

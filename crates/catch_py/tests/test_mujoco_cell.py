@@ -107,3 +107,12 @@ def test_mujoco_loads_the_scene_without_a_warning(scenario, robot, gripper):
     assert model.ncam == len(setup.cameras) and any(model.geom(i).name.startswith("obstacle:") for i in range(model.ngeom))
     mujoco.mj_step(model, data)
     assert not any(it.number for it in data.warning)
+
+
+def test_recorded_commands_catch_again(tmp_path):
+    trial = cb.Setup("honest", object="tennis_ball").run(1, 0)
+    file = tmp_path / "ball.catch"
+    file.write_bytes(trial.recording)
+    run = subprocess.run([sys.executable, EXAMPLE / "rerun.py", file, "--json"], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert json.loads(run.stdout) == {"recording": str(file), "arena": "caught", "mujoco": "caught"}
