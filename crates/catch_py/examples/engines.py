@@ -11,117 +11,229 @@ import math
 import os
 import platform
 import sys
+import tempfile
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 import catchingbot as cb
 
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "examples/mujoco_cell"))
-from run import throw  # noqa: E402
+from cell import PARTS, MujocoCell  # noqa: E402
+from rerun import rerun  # noqa: E402
 
 OBJECTS = ["tennis_ball", "banana", "pill_bottle"]
-# Scenario and throw.
-CONDITIONS = [("paper", "near_sampled"), ("paper", "far_sampled"), ("honest", "random")]
+QUARTER = {"arena.step_s": 2.5e-4}
+# Friction is drawn from 0.4 to 1.0 in `honest`.
+LESS_FRICTION = {"arena.friction": {"min": 0.28, "max": 0.7}}
+# By name: the option that says how many throws, the scenario, and what is different from it.
+CONDITIONS = {
+    "`paper`, near": ("paper", "paper", {"throw": "near_sampled"}),
+    "`paper`, far": ("paper", "paper", {"throw": "far_sampled"}),
+    "`honest`": ("honest", "honest", {}),
+    "`honest`, friction × 0.7": ("friction", "honest", {"settings": LESS_FRICTION}),
+    "`honest`, Panda, Franka Hand": ("arms", "honest", {"robot": "panda", "gripper": "franka_hand", "throw": "random_by_reach"}),
+    "`honest`, UR5e, 2F-85": ("arms", "honest", {"robot": "ur5e", "gripper": "robotiq_2f85", "throw": "random_by_reach"}),
+}
+SINGLE = list(CONDITIONS)[:3]
+NAMES = {"paper": "`paper`", "honest": "`honest`", "friction": "`honest`, friction × 0.7", "arms": "`honest`, other arms"}
 
 
-def row(name: str, throws: list[list[str | None]], other: int) -> str:
-    """Counts of throws by who caught them, the arena or the `other` of the outcomes, with the 95 % interval of the difference of paired
-    rates by Agresti and Min (2005)."""
-    pairs, n = [(it[0] is None, it[other] is None) for it in throws], len(throws)
+def setup(condition: str, thing: str, **settings) -> cb.Setup:
+    _, scenario, different = CONDITIONS[condition]
+    return cb.Setup(scenario, object=thing, **{**different, "settings": {**different.get("settings", {}), **settings}})
+
+
+def first_touch(parts: list[str], first_s) -> str:
+    """The part that touched the object first, and when."""
+    at = int(np.argmin(first_s))
+    return f"{parts[at]}, {first_s[at]:.3f} s" if np.isfinite(first_s[at]) else "nothing"
+
+
+def arena_touch(recording: cb.Recording) -> str:
+    samples = recording.samples
+    return first_touch(PARTS, [min(samples["time_s"][it > 0], default=np.inf) for it in samples["contacts"].T])
+
+
+def closed_loop(condition: str, thing: str, seed: int, index: int) -> list[str]:
+    """How a throw ends in the arena, in MuJoCo, and in the arena at a quarter of its step, each with a brain of its own."""
+    ours = setup(condition, thing)
+    cell, brain = MujocoCell(ours, seed, index), ours.brain(seed, index)
+    while not cell.done:
+        cell.act(brain.tick(cell.sense()))
+    reasons = [ours.run(seed, index).reason, cell.why_not_caught(), setup(condition, thing, **QUARTER).run(seed, index).reason]
+    return [it or "caught" for it in reasons]
+
+
+def open_loop(condition: str, thing: str, seed: int, index: int) -> list[str]:
+    """The same where all get the commands of the arena's brain."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "throw.catch"
+        file.write_bytes(setup(condition, thing).run(seed, index).recording)
+        recording = cb.Recording(file)
+        arena, commands = setup(condition, thing, **QUARTER).arena(seed, index), iter(recording.commands)
+        while not arena.done:
+            arena.sense()
+            arena.act(next(commands, (0.0, None))[1])
+        reasons = [recording.reason, rerun(recording), None if arena.row["caught"] else "missed"]
+        return [it or "caught" for it in reasons]
+
+
+def touches(condition: str, thing: str, seed: int, index: int) -> list[str]:
+    """What touches the object first in the arena and in MuJoCo, closed loop."""
+    ours = setup(condition, thing)
+    cell, brain = MujocoCell(ours, seed, index), ours.brain(seed, index)
+    while not cell.done:
+        cell.act(brain.tick(cell.sense()))
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "throw.catch"
+        file.write_bytes(ours.run(seed, index).recording)
+        return [arena_touch(cb.Recording(file)), first_touch(PARTS, cell.first_s)]
+
+
+WAYS = {"closed": closed_loop, "open": open_loop, "touches": touches}
+
+
+def ends_of(asked: list) -> list[str]:
+    way, *throw = asked
+    return WAYS[way](*throw)
+
+
+def work_off(kept: Path, wanted: list[list]) -> dict[str, list[str]]:
+    """The ends of all wanted throws; those that are in `kept` are not thrown again."""
+    lines = kept.read_text().splitlines() if kept.exists() else []
+    done = {json.dumps(it["asked"]): it["ends"] for it in map(json.loads, lines)}
+    open_ones = [it for it in wanted if json.dumps(it) not in done]
+    with kept.open("a") as file, ProcessPoolExecutor() as pool:
+        running = {pool.submit(ends_of, it): it for it in open_ones}
+        for future in as_completed(running):
+            done[json.dumps(running[future])] = future.result()
+            print(json.dumps({"asked": running[future], "ends": future.result()}), file=file, flush=True)
+            print(f"{len(done)} of {len(lines) + len(open_ones)}", *running[future], *future.result(), flush=True)
+    return done
+
+
+def row(name: str, throws: list[list[str]], other: int) -> str:
+    """Counts of throws by who caught them, the arena or the `other` of the ends, with the 95 % interval of the difference of paired rates
+    by Agresti and Min (2005)."""
+    pairs, n = [(it[0] == "caught", it[other] == "caught") for it in throws], len(throws)
     both, first, second, neither = (pairs.count(it) for it in [(True, True), (True, False), (False, True), (False, False)])
     b, c, m = first + 0.5, second + 0.5, n + 2
     difference, half = (c - b) / m, 1.96 * math.sqrt(b + c - (b - c) ** 2 / m) / m
     interval = f"{100 * (difference - half):+.1f} to {100 * (difference + half):+.1f}"
-    return f"| {name} | {n} | {both} | {first} | {second} | {neither} | {interval} |"
+    return f"| {name} | {n} | {both} | {first} | {second} | {neither} | {100 * (second - first) / n:+.1f} | {interval} |"
 
 
-def outcomes(kept: Path, scenario: str, kind: str, thing: str, seed: int, index: int) -> list[str | None]:
-    """Why the object was not caught in the arena, in MuJoCo, and in the arena at a quarter of its step; throws that are in `kept` are not
-    thrown again."""
-    asked = [scenario, kind, thing, seed, index]
-    rows = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
-    if (found := next((it["outcomes"] for it in rows if it["throw"] == asked), None)) is not None:
-        return found
-    setup = cb.Setup(scenario, object=thing, throw=kind)
-    finer = cb.Setup(scenario, object=thing, throw=kind, settings={"arena.step_s": 2.5e-4})
-    found = [setup.run(seed, index).reason, throw(setup, seed, index), finer.run(seed, index).reason]
-    with kept.open("a") as file:
-        file.write(json.dumps({"throw": asked, "outcomes": found}) + "\n")
-    print(*asked, *found, flush=True)
-    return found
+def table(ends, way: str, other: int, conditions: list[str]) -> str:
+    rows, every = [], {}
+    for title in conditions:
+        for thing in OBJECTS:
+            throws = [it for key, it in ends.items() if json.loads(key)[:3] == [way, title, thing]]
+            rows += [row(f"{title}, {thing}", throws, other)] if throws else []
+            every.setdefault(CONDITIONS[title][0], []).extend(throws)
+    return "\n".join(rows + [row(f"{NAMES[option]}, all", throws, other) for option, throws in every.items() if throws])
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--paper", type=int, default=20, help="throws of each object in `paper`, near and far")
     parser.add_argument("--honest", type=int, default=10, help="throws of each object in `honest`")
+    parser.add_argument("--open", type=int, default=10, help="throws of each object in `paper`, near and far, and in `honest`, open loop")
+    parser.add_argument("--friction", type=int, default=0, help="throws of each object with less friction")
+    parser.add_argument("--arms", type=int, default=0, help="throws of each object with each of two other arms")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--kept", type=Path, default=ROOT / "target/engines.jsonl", help="throws that are done")
+    parser.add_argument("--kept", type=Path, default=ROOT / "target/engines.jsonl", help="throws that are done; those are not thrown again")
     asked = parser.parse_args()
-    engines, steps, differing = [], [], []
-    every = {scenario: [] for scenario, _ in CONDITIONS}
-    for scenario, kind in CONDITIONS:
-        for thing in OBJECTS:
-            throws = [outcomes(asked.kept, scenario, kind, thing, asked.seed, index) for index in range(getattr(asked, scenario))]
-            name = f"`{scenario}`, `{kind}`, {thing}"
-            every[scenario] += throws
-            engines.append(row(name, throws, 1))
-            steps.append(row(name, throws, 2))
-            for index, found in enumerate(throws):
-                if len({it is None for it in found}) > 1:
-                    differing.append(f"| {name} | {index} | " + " | ".join(it or "caught" for it in found) + " |")
-    for scenario, throws in every.items():
-        engines.append(row(f"`{scenario}`, all", throws, 1))
-        steps.append(row(f"`{scenario}`, all", throws, 2))
+    wanted = [
+        [way, title, thing, asked.seed, index]
+        for title, (option, *_) in CONDITIONS.items()
+        for way, count in [("closed", getattr(asked, option)), ("open", asked.open if title in SINGLE else 0)]
+        for index in range(count)
+        for thing in OBJECTS
+    ]
+    ends = work_off(asked.kept, wanted)
+    ends = {key: ends[key] for key in map(json.dumps, wanted)}
+    differing = [it for it in map(json.loads, ends) if it[0] == "closed" and len({end == "caught" for end in ends[json.dumps(it)][:2]}) > 1]
+    touched = work_off(asked.kept, [["touches", *it[1:]] for it in differing])
+    differing = [
+        "| " + " | ".join(map(str, [f"{it[1]}, {it[2]}", it[4], *ends[json.dumps(it)], *touched[json.dumps(["touches", *it[1:]])]])) + " |"
+        for it in differing
+    ]
     page = PAGE.format(
-        engines="\n".join(engines),
-        steps="\n".join(steps),
-        differing="\n".join(differing) or "| none | | | | |",
+        engines=table(ends, "closed", 1, SINGLE),
+        steps=table(ends, "closed", 2, SINGLE),
+        reruns=table(ends, "open", 1, SINGLE),
+        finer=table(ends, "open", 2, SINGLE),
+        others=table(ends, "closed", 1, list(CONDITIONS)[3:]),
+        differing="\n".join(differing) or "| none | | | | | | |",
         mujoco=mujoco.__version__,
         version=cb.__version__,
         machine=f"{platform.machine()}, {os.cpu_count()} cores",
-        arguments=f"--paper {asked.paper} --honest {asked.honest} --seed {asked.seed}",
-        seed=asked.seed,
+        arguments=" ".join(f"--{it} {getattr(asked, it)}" for it in ["paper", "honest", "open", "friction", "arms", "seed"]),
     )
     (ROOT / "docs/results/engines.md").write_text(page)
 
 
-PAGE = """# Results: two engines
+HEAD = """| condition, object | throws | both | only the arena | only {} | neither | difference | interval |
+|---|---|---|---|---|---|---|---|"""
+
+PAGE = f"""# Results: two engines
 
 This page is written by a command; changes by hand get lost.
 
-The same throws in the arena and in [a cell around MuJoCo](../how-to/own-cell-in-python.md), closed loop. The brain sees images that MuJoCo's
-rays give, and its commands drive MuJoCo's arm. Release, friction, restitution, air, masses, mount and the places of the cameras are those of
-the arena. Noise is the cell's own. One rule judges both.
+The same throws in the arena and in [a cell around MuJoCo](../how-to/own-cell-in-python.md). Release, friction, restitution, air, masses,
+mount and the places of the cameras are those of the arena. Noise is the cell's own. One rule judges both.
 
 | | |
 |---|---|
-| command | `python crates/catch_py/examples/engines.py {arguments}` |
-| version | {version}, MuJoCo {mujoco} |
-| machine | {machine} |
+| command | `python crates/catch_py/examples/engines.py {{arguments}}` |
+| version | {{version}}, MuJoCo {{mujoco}} |
+| machine | {{machine}} |
 
-## The arena and MuJoCo
+The last two columns of each table are the difference of the paired rates in points, the other engine less the arena, and its 95 % interval
+(Agresti and Min, 2005). The interval is wide where throws are few.
 
-The last column is the 95 % interval of the difference of the paired rates in points, MuJoCo less arena (Agresti and Min, 2005). It is wide
-where throws are few.
+## Closed loop
 
-| scenario, throw, object | throws | both | only the arena | only MuJoCo | neither | difference |
+The brain sees images that MuJoCo's rays give, and its commands drive MuJoCo's arm.
+
+{HEAD.format("MuJoCo")}
+{{engines}}
+
+The arena and itself at a quarter of its step, for comparison:
+
+{HEAD.format("a quarter")}
+{{steps}}
+
+## Open loop
+
+The commands of the arena's brain drive MuJoCo's arm at the recorded times, whatever becomes of the object.
+
+{HEAD.format("MuJoCo")}
+{{reruns}}
+
+The arena at a quarter of its step with the same commands:
+
+{HEAD.format("a quarter")}
+{{finer}}
+
+## Less friction, other arms
+
+Closed loop. Friction × 0.7 is that of both engines.
+
+{HEAD.format("MuJoCo")}
+{{others}}
+
+## Throws that end differently
+
+Closed loop. The last two columns have what touched the object first, and when.
+
+| condition, object | throw | arena | MuJoCo | arena at a quarter of its step | first touch in the arena | in MuJoCo |
 |---|---|---|---|---|---|---|
-{engines}
-
-## The arena and itself at a quarter of its step
-
-| scenario, throw, object | throws | both | only the whole step | only a quarter | neither | difference |
-|---|---|---|---|---|---|---|
-{steps}
-
-## Throws that do not end alike in all three
-
-| scenario, throw, object | throw | arena | MuJoCo | arena at a quarter of its step |
-|---|---|---|---|---|
-{differing}
+{{differing}}
 """
 
 if __name__ == "__main__":
