@@ -71,6 +71,7 @@ fn a_full_disk_leaves_nothing_by_halves() {
         &["robot", "import", solid, "--no-ready", "--out", &at("arm")],
         &["place-cameras", "--throws", "1", "--spacing", "1", "--cameras", "1", "--out", &at("")],
         &["catch", "--out", &at("")],
+        &["export", "--mjcf", &at("")],
     ] {
         fs::create_dir_all(&out).unwrap();
         let program = env!("CARGO_BIN_EXE_catchingbot");
@@ -100,6 +101,7 @@ fn a_bad_place_is_wrong_input_whoever_writes_there() {
         &["eval", "--trials", "1", "--out", &within("e")],
         &["suite", "run", "catch-2026.2", "--trials", "1", "--out", &within("s")],
         &["export", "--trials", "1", "--lerobot", &within("l")],
+        &["export", "--mjcf", &within("m")],
         &["play", "--throws", "1", "--html", &within("p.html")],
         &["new", "throw", "t", "--out", &within("n")],
         &["calibrate", "--poses", "3", "--out", &within("c")],
