@@ -24,8 +24,10 @@ const HUBER_SD: f64 = 2.5;
 const OUTLIER_SD: f64 = 6.0;
 /// Standard deviation of the number of pixels on a line of which nothing is known yet.
 const FIRST_SHOWN_SD_PX: f64 = 4.0;
-/// First standard deviation of depths, over that of the data sheet.
+/// First standard deviations of depths and of what an image's depths have in common, over that of the data
+/// sheet.
 const FIRST_DEPTH_SD: f64 = 4.0;
+const FIRST_COMMON_SD: f64 = 1.0;
 /// Standard deviations over the data sheet's, and in pixels, that no images have less than.
 const LEAST_DEPTH_SD: f64 = 0.2;
 const LEAST_SHOWN_SD_PX: f64 = 0.3;
@@ -72,6 +74,8 @@ pub struct Estimate {
 #[derive(Debug, Clone, Copy)]
 struct Spread {
     depth_per_m: f64,
+    /// Of what the depths of a single image have in common.
+    common_per_m: f64,
     shown_px: f64,
     depth_correlation: f64,
     shown_correlation: f64,
@@ -93,7 +97,7 @@ struct State<'a> {
     cameras: Vec<CameraState>,
     shared: Shared,
     spreads: Vec<Spread>,
-    /// Offset that the pixels of each image have in common, in standard deviations.
+    /// Offset that the depths of each image have in common, in 1/m.
     offsets: Vec<Vec<f64>>,
     residuals: Vec<Residuals>,
     last_step: Vec<f64>,
@@ -104,6 +108,7 @@ impl Problem<'_> {
     pub fn solve(&self, coarse: Vec<CameraState>) -> Estimate {
         let spread = Spread {
             depth_per_m: FIRST_DEPTH_SD * self.config.inverse_depth_sd_per_m,
+            common_per_m: FIRST_COMMON_SD * self.config.inverse_depth_sd_per_m,
             shown_px: FIRST_SHOWN_SD_PX,
             depth_correlation: 1.0,
             shown_correlation: 1.0,
@@ -138,9 +143,11 @@ impl Problem<'_> {
     }
 }
 
-/// Standard deviation of what the pixels of an image have in common, in 1/m.
-fn offset_sd(config: &Config, image: &AveragedImage) -> f64 {
-    config.inverse_depth_sd_per_m * (config.common_fraction / image.count as f64).sqrt()
+impl Spread {
+    /// Standard deviation of what the depths of an averaged image have in common, in 1/m.
+    fn offset_sd(&self, image: &AveragedImage) -> f64 {
+        self.common_per_m / (image.count as f64).sqrt()
+    }
 }
 
 impl State<'_> {
@@ -151,10 +158,12 @@ impl State<'_> {
         let (mut information, mut pull) = (DMatrix::zeros(size, size), DVector::zeros(size));
         let nothing = pull.clone();
         let (mut of_images, mut images) = (Vec::new(), Vec::new());
+        let mut of_offsets = vec![Vec::new(); self.cameras.len()];
         for camera in 0..self.cameras.len() {
+            let linearized = self.linearized(camera, pass);
             let place =
                 move |i: usize| if i < OF_CAMERA { OF_CAMERA * camera + i } else { shared_from + i - OF_CAMERA };
-            for (image, equations) in self.linearized(camera, pass) {
+            for (image, equations) in linearized {
                 let (own, own_pull) = equations.eliminated();
                 let places = (0..own_pull.len()).map(place).collect();
                 let own = ImageInformation { places, information: own, pull: own_pull };
@@ -190,7 +199,12 @@ impl State<'_> {
         self.shared.values.iter_mut().enumerate().for_each(|(i, value)| *value += change[shared_from + i]);
         for (camera, image, equations) in of_images {
             let of = |i: usize| if i < OF_CAMERA { OF_CAMERA * camera + i } else { shared_from + i - OF_CAMERA };
-            self.offsets[camera][image] += equations.last(|i| change[of(i)]);
+            let offset_sd = self.spreads[camera].offset_sd(self.problem.cameras[camera].images[image]);
+            self.offsets[camera][image] += offset_sd * equations.last(|i| change[of(i)]);
+            of_offsets[camera].push((image, offset_sd * equations.last_variance().sqrt()));
+        }
+        for (camera, of_offsets) in of_offsets.iter().enumerate() {
+            self.note_offsets(camera, of_offsets);
         }
         let inverse = factor.inverse();
         if pass != Pass::First {
@@ -223,12 +237,11 @@ impl State<'_> {
             found.clear();
             depths::measure(&mut found, &rendering, &model, Some(image), seen);
             silhouettes::measure(&mut found, &rendering, &model, Some((image, still)), seen);
-            let offset_sd = offset_sd(config, image);
-            let offset = self.offsets[camera][i];
-            let mut equations = ImageEquations::new(size, offset);
+            let (offset_sd, offset) = (spread.offset_sd(image), self.offsets[camera][i]);
+            let mut equations = ImageEquations::new(size, offset / offset_sd);
             let mut residuals: Vec<(Measurement, f64)> = Vec::new();
             for it in &found {
-                let in_common = if it.is_depth() { offset * offset_sd } else { 0.0 };
+                let in_common = if it.is_depth() { offset } else { 0.0 };
                 let residual = it.residual() - state.correction(it, config) - in_common;
                 let (sd, correlated, sds) = if it.is_depth() {
                     (spread.depth_per_m, spread.depth_correlation, &mut errors.of_depths)
@@ -255,6 +268,18 @@ impl State<'_> {
         all
     }
 
+    /// The spread of what a camera's images have in common becomes that of the offsets that were found, each
+    /// with its standard deviation: a step of expectation maximization. The data sheet may be wrong.
+    fn note_offsets(&mut self, camera: usize, found: &[(usize, f64)]) {
+        let Problem { config, cameras, .. } = self.problem;
+        let square = |(image, sd): &(usize, f64)| {
+            let offset = self.offsets[camera][*image];
+            (offset * offset + sd * sd) * cameras[camera].images[*image].count as f64
+        };
+        let variance = found.iter().map(square).sum::<f64>() / found.len().max(1) as f64;
+        self.spreads[camera].common_per_m = variance.sqrt().max(LEAST_DEPTH_SD * config.inverse_depth_sd_per_m);
+    }
+
     /// The spread and the residuals of a camera become those of the errors that its measurements have.
     fn note(&mut self, camera: usize, errors: Errors, pass: Pass) {
         let Problem { config, cameras, .. } = self.problem;
@@ -276,6 +301,7 @@ impl State<'_> {
             let is_last = pass == Pass::Correlating;
             self.spreads[camera] = Spread {
                 depth_per_m: inverse_depth_sd_per_m.max(LEAST_DEPTH_SD * config.inverse_depth_sd_per_m),
+                common_per_m: spread.common_per_m,
                 shown_px: silhouette_sd_px.max(LEAST_SHOWN_SD_PX),
                 depth_correlation: if is_last { correlation.of_depths() } else { spread.depth_correlation },
                 shown_correlation: if is_last { correlation.of_silhouettes() } else { spread.shown_correlation },

@@ -39,6 +39,11 @@ impl ImageEquations {
         (self.pull[last] - coupled) / self.information[self.size * self.size - 1]
     }
 
+    /// Variance of the last parameter, all others known.
+    pub fn last_variance(&self) -> f64 {
+        1.0 / self.information[self.size * self.size - 1]
+    }
+
     /// Information and pull of all but the last parameter.
     pub fn eliminated(&self) -> (DMatrix<f64>, DVector<f64>) {
         let (size, last) = (self.size, self.size - 1);
