@@ -232,7 +232,7 @@ fn scanned(mesh: &TriangleMesh) -> PyResult<ReferenceScan> {
 fn own_scan(cameras: &Bound<'_, PyAny>, frames: &Bound<'_, PyAny>) -> PyResult<ReferenceScan> {
     let cameras = camera_list("object", cameras)?;
     let wrong = || PyTypeError::new_err("object: expected images as a list of DepthFrame");
-    let one = |it: PyResult<Bound<'_, PyAny>>| Ok(it?.cast::<DepthFrame>().map_err(|_| wrong())?.get().frame().clone());
+    let one = |it: PyResult<Bound<'_, PyAny>>| Ok(it?.cast::<DepthFrame>().map_err(|_| wrong())?.get().copied());
     let frames: Vec<catch_cell::DepthFrame> =
         frames.try_iter().map_err(|_| wrong())?.map(one).collect::<PyResult<_>>()?;
     for frame in &frames {

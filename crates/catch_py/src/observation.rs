@@ -1,6 +1,6 @@
 //! Observations of the cell as Python objects.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use catch_body::quantity;
 use catch_cell::{Observation as Sensed, PixelWindow};
@@ -42,27 +42,36 @@ impl Observation {
     /// observation: any number, in any order, taken at `time_s` or before.
     #[new]
     #[pyo3(signature = (time_s, arm, gripper, frames=None), text_signature = "(time_s, arm, gripper, frames=())")]
-    fn of_parts(
-        time_s: &Bound<'_, PyAny>,
-        arm: &Bound<'_, PyAny>,
-        gripper: &Bound<'_, PyAny>,
-        frames: Option<&Bound<'_, PyAny>>,
+    fn of_parts<'py>(
+        time_s: &Bound<'py, PyAny>,
+        arm: &Bound<'py, PyAny>,
+        gripper: &Bound<'py, PyAny>,
+        frames: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
         let wrong = |argument: &str, kind: &str| PyTypeError::new_err(format!("{argument}: expected {kind}"));
         let time_s = quantity("time_s", time_s, &quantity::CLOCK_S)?;
         let arm = arm.cast::<ArmState>().map_err(|_| wrong("arm", "an ArmState"))?.get();
         let gripper = gripper.cast::<GripperState>().map_err(|_| wrong("gripper", "a GripperState"))?.get();
         let unlisted = || wrong("frames", "a list of DepthFrame");
-        let one = |it: PyResult<Bound<'_, PyAny>>| {
-            let frame = it?.cast::<DepthFrame>().map_err(|_| unlisted())?.get().frame().clone();
-            let is_past = frame.capture_s <= time_s;
-            let found = format!("one that was taken at {} s", frame.capture_s);
+        let one = |it: PyResult<Bound<'py, PyAny>>| {
+            let frame = it?.cast_into::<DepthFrame>().map_err(|_| unlisted())?;
+            let capture_s = frame.get().capture_s();
+            let found = format!("one that was taken at {capture_s} s");
+            let is_past = capture_s <= time_s;
             if is_past { Ok(frame) } else { Err(fault("frames", found, format!("at most time_s, {time_s} s"))) }
         };
         let frames = frames.map(|it| it.try_iter().map_err(|_| unlisted())?.map(one).collect::<PyResult<Vec<_>>>());
         let frames = frames.transpose()?.unwrap_or_default();
-        let sensed = Sensed { time_s, arm: arm.sensed.clone(), gripper: gripper.sensed, frames };
-        Ok(Self::new(Arc::new(sensed), arm.dof))
+        // Large images are moved, not copied: from now on the frames show those of the observation.
+        let is_last = |i: usize| !frames[i + 1..].iter().any(|other| other.is(&frames[i]));
+        let images =
+            (0..frames.len()).map(|i| if is_last(i) { frames[i].get().taken() } else { frames[i].get().copied() });
+        let sensed = Sensed { time_s, arm: arm.sensed.clone(), gripper: gripper.sensed, frames: images.collect() };
+        let sensed = Arc::new(sensed);
+        for (i, frame) in frames.iter().enumerate() {
+            *frame.get().lock() = Image::Sensed(sensed.clone(), i);
+        }
+        Ok(Self::new(sensed, arm.dof))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
@@ -93,7 +102,7 @@ impl Observation {
     #[getter]
     fn frames(&self) -> Vec<DepthFrame> {
         (0..self.sensed.frames.len())
-            .map(|index| DepthFrame { image: Image::Sensed(self.sensed.clone(), index) })
+            .map(|index| DepthFrame { image: Mutex::new(Image::Sensed(self.sensed.clone(), index)) })
             .collect()
     }
 
@@ -105,28 +114,51 @@ impl Observation {
 /// One depth image, or the window of it that was read out.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct DepthFrame {
-    image: Image,
+    image: Mutex<Image>,
 }
 
+/// Place of an image.
 enum Image {
-    /// Image in an observation, at this index.
+    /// In an observation, at this index.
     Sensed(Arc<Sensed>, usize),
-    /// Image by itself.
+    /// By itself.
     Alone(Box<catch_cell::DepthFrame>),
 }
 
+impl Image {
+    fn frame(&self) -> &catch_cell::DepthFrame {
+        match self {
+            Self::Sensed(observation, index) => &observation.frames[*index],
+            Self::Alone(frame) => frame,
+        }
+    }
+}
+
 impl DepthFrame {
-    /// Returns the image as the contract has it.
-    pub fn frame(&self) -> &catch_cell::DepthFrame {
-        match &self.image {
-            Image::Sensed(observation, index) => &observation.frames[*index],
-            Image::Alone(frame) => frame,
+    fn lock(&self) -> MutexGuard<'_, Image> {
+        self.image.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns a copy of the image, as the contract has it.
+    pub fn copied(&self) -> catch_cell::DepthFrame {
+        self.lock().frame().clone()
+    }
+
+    /// Takes the image out, if it stands by itself; who does puts another one there.
+    fn taken(&self) -> catch_cell::DepthFrame {
+        match &mut *self.lock() {
+            Image::Sensed(observation, index) => observation.frames[*index].clone(),
+            Image::Alone(frame) => {
+                let (depth_m, mask) = (std::mem::take(&mut frame.depth_m), frame.mask.take());
+                catch_cell::DepthFrame { depth_m, mask, ..**frame }
+            }
         }
     }
 
     /// Rows and columns.
     fn shape(&self) -> [usize; 2] {
-        [self.frame().window.height as usize, self.frame().window.width as usize]
+        let (_, _, width, height) = self.window();
+        [height as usize, width as usize]
     }
 }
 
@@ -178,7 +210,7 @@ impl DepthFrame {
             }
         });
         let frame = catch_cell::DepthFrame { camera, capture_s, window, depth_m, mask: mask.transpose()? };
-        Ok(Self { image: Image::Alone(Box::new(frame)) })
+        Ok(Self { image: Mutex::new(Image::Alone(Box::new(frame))) })
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
@@ -190,31 +222,33 @@ impl DepthFrame {
     /// Index of the camera in the brain's list.
     #[getter]
     fn camera(&self) -> usize {
-        self.frame().camera
+        self.lock().frame().camera
     }
 
     /// Time at which the shutter closed, on the cell's clock.
     #[getter]
     fn capture_s(&self) -> f64 {
-        self.frame().capture_s
+        self.lock().frame().capture_s
     }
 
     /// First column, first row, width and height of the window in the camera's image, in pixels.
     #[getter]
     fn window(&self) -> Window {
-        window_of(&self.frame().window)
+        window_of(&self.lock().frame().window)
     }
 
     /// Depth along the optical axis in metres, rows by columns; NaN where nothing was measured.
     #[getter]
     fn depth_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        PyArray1::from_slice(py, &self.frame().depth_m).reshape(self.shape())
+        let depths = PyArray1::from_slice(py, &self.lock().frame().depth_m);
+        depths.reshape(self.shape())
     }
 
     /// Mask of the pixels that show the object, where the cell's sensors have one.
     #[getter]
     fn mask<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<bool>>>> {
-        self.frame().mask.as_ref().map(|mask| PyArray1::from_slice(py, mask).reshape(self.shape())).transpose()
+        let mask = self.lock().frame().mask.as_ref().map(|mask| PyArray1::from_slice(py, mask));
+        mask.map(|mask| mask.reshape(self.shape())).transpose()
     }
 }
 

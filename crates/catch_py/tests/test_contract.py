@@ -73,6 +73,18 @@ def test_what_is_no_depth():
     assert cb.DepthFrame(0, 0.0, np.zeros((0, 0))).window == (0, 0, 0, 0)
 
 
+def test_images_are_shared_and_not_lost():
+    """An observation takes its images over without a copy; their objects show them as before."""
+    depths = np.arange(6, dtype=np.float32).reshape(2, 3) + 1
+    frame, arm, gripper = cb.DepthFrame(0, 0.5, depths, mask=depths > 2), cb.ArmState(1, np.zeros(7), np.zeros(7)), cb.GripperState(0.1)
+    made = [cb.Observation(1, arm, gripper, [frame, frame]), cb.Observation(1, arm, gripper, [frame])]
+    depths += 1
+    del arm
+    for it in [frame, *made[0].frames, *made[1].frames, *pickle.loads(pickle.dumps(made[0])).frames]:
+        np.testing.assert_array_equal(it.depth_m, depths - 1)
+        np.testing.assert_array_equal(it.mask, depths - 1 > 2)
+
+
 def raises(argument: str, call, *arguments, **keywords):
     with pytest.raises((TypeError, ValueError), match=rf"^{argument}\b"):
         call(*arguments, **keywords)

@@ -77,8 +77,8 @@ impl Default for Config {
             closing_speed_mps: None,
             closing_acceleration_mps2: None,
             finger_braking_distance_m: 0.007,
-            palm_braking_distance_m: 0.020,
-            palm_rebound_distance_m: 0.025,
+            palm_braking_distance_m: 0.008,
+            palm_rebound_distance_m: 0.017,
             restitution: None,
             weights: heuristics::Weights::default(),
         }
