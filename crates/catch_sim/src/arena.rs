@@ -18,7 +18,7 @@ use crate::{
     equipment::{Equipment, Shared},
     free_flight::Air,
     gripper_drive::{DRIVE_MASS_KG, GripperDrive},
-    physics::{ContactForces, Loads, Mount, World, WorldSettings, WorldState, carried},
+    physics::{ContactForces, Loads, World, WorldSettings, WorldState, carried},
     random_streams::{Draws, Stream},
     sensors::Sensors,
     servo::Servo,
@@ -76,8 +76,7 @@ impl Arena {
             restitution: conditions.restitution,
             drive_mass_kg: if config.gripper == GripperDriveKind::Real { DRIVE_MASS_KG } else { 0.0 },
         };
-        let mount = Mount::Arm { robot: &true_robot, q: ready_q };
-        let world = World::new(settings, mount, gripper, gripper.max_width_m, (object, release));
+        let world = World::new(settings, (&true_robot, ready_q), gripper, gripper.max_width_m, (object, release));
         let mut gripper_draws = Draws::new(Stream::Gripper, seed, index);
         let mut arena = Self {
             state: world.state(),
@@ -211,15 +210,12 @@ impl Arena {
 
     /// Hands over the commands that have arrived, in the order in which they were sent.
     fn deliver(&mut self) {
-        let now_s = self.time_s() + 1e-9;
-        let (arrived, under_way) =
-            std::mem::take(&mut self.under_way).into_iter().partition(|(at_s, _)| *at_s <= now_s);
-        self.under_way = under_way;
-        for (at_s, command) in arrived {
+        let (now_s, trigger) = (self.time_s() + 1e-9, self.config().gripper_trigger);
+        for (at_s, command) in self.under_way.extract_if(.., |(at_s, _)| *at_s <= now_s) {
             if let Some(trajectory) = command.arm {
                 self.servo.receive(&trajectory, at_s);
             }
-            if let (Some(moves), GripperTrigger::Command) = (command.gripper, self.config().gripper_trigger) {
+            if let (Some(moves), GripperTrigger::Command) = (command.gripper, trigger) {
                 self.drive.receive(&moves, at_s);
             }
             self.sensors.set_windows(command.windows);

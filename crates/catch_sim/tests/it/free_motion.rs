@@ -2,7 +2,7 @@
 
 use catch_sim::{
     gripper_drive::GripperDrive,
-    physics::{Mount, World, WorldSettings},
+    physics::{World, WorldSettings},
 };
 use serde::Deserialize;
 
@@ -40,7 +40,7 @@ fn largest_error(case: &Case, width_m: f64, step_s: f64) -> f64 {
     let q = robot.joint_vector(&case.samples[0].q).unwrap();
     let (object, release) = (setting::object("tennis_ball"), setting::release([9.0, 9.0, 9.0], [0.0; 3]));
     let settings = WorldSettings { step_s, ..setting::settings(0.6, 0.0) };
-    let mut world = World::new(settings, Mount::Arm { robot: &robot, q: &q }, &gripper, width_m, (&object, &release));
+    let mut world = World::new(settings, (&robot, &q), &gripper, width_m, (&object, &release));
     let mut drive = GripperDrive::new(&gripper, width_m);
     let mut largest = 0.0f64;
     let mut step = 0u32;

@@ -3,7 +3,7 @@
 use catch_body::{Gripper, InputError, JointVector, Pose, Robot, robot_file::RobotFiles};
 use catch_sim::{
     Arena, ArenaConfig, Conditions, Equipment, Release, ThrownObject,
-    physics::{Loads, Mount, World, WorldSettings},
+    physics::{Loads, World, WorldSettings},
 };
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
@@ -63,6 +63,13 @@ pub fn no_loads() -> Loads {
     }
 }
 
+/// An arm without links and joints, at whose end frame G is at `p_WG`, its axes along the world's.
+pub fn fixed_mount(p_WG: Point3<f64>) -> Robot {
+    let robot = robot();
+    let (joints, capsules) = (Vec::new(), Vec::new());
+    Robot { joints, capsules, X_WB: Pose::translation(p_WG.x, p_WG.y, p_WG.z), X_LG: Pose::identity(), ..robot }
+}
+
 /// A hand fixed in the world, frame G at `p_WG`, its axes along the world's.
 pub fn fixed_hand(
     settings: WorldSettings,
@@ -72,7 +79,8 @@ pub fn fixed_hand(
     object: &ThrownObject,
     release: &Release,
 ) -> World {
-    World::new(settings, Mount::Fixed(Pose::translation(p_WG.x, p_WG.y, p_WG.z)), gripper, width_m, (object, release))
+    let mount = (&fixed_mount(p_WG), &JointVector::zeros());
+    World::new(settings, mount, gripper, width_m, (object, release))
 }
 
 /// An arena without cameras.
