@@ -18,7 +18,7 @@ use crate::{
     equipment::{Equipment, Shared},
     free_flight::Air,
     gripper_drive::{DRIVE_MASS_KG, GripperDrive},
-    physics::{ContactForces, Loads, World, WorldSettings, WorldState, carried},
+    physics::{ContactForces, Loads, World, WorldSettings, WorldState},
     random_streams::{Draws, Stream},
     sensors::Sensors,
     servo::Servo,
@@ -87,7 +87,7 @@ impl Arena {
                 config.robot_controller.clone(),
                 Draws::new(Stream::RobotController, seed, index),
             ),
-            drive: GripperDrive::of_kind(config.gripper, gripper, gripper.max_width_m, &mut gripper_draws),
+            drive: GripperDrive::new(config.gripper, gripper, gripper.max_width_m, &mut gripper_draws),
             sensors: Sensors::new(config, cameras, seed, index),
             conditions,
             true_robot,
@@ -279,13 +279,11 @@ impl Arena {
         let before = self.state;
         let (q, dq) = self.encoders.sensed();
         let torque = self.servo.torque(now_s, step_s, &q, &dq);
-        let Shared { body, object, .. } = &*self.equipment.shared;
-        let (X_WC, V_WC) = carried((&before.X_WO, &before.V_WO), &object.com_O.coords);
-        let air = Air::in_step(body, &self.conditions, (&X_WC, &V_WC), step_s);
+        let air = Air::in_step(self.world.object(), &self.conditions, step_s);
         let loads = Loads {
             torque,
             finger_force_n: self.drive.forces(now_s, before.finger_m, before.finger_mps),
-            object_force_n: air.acceleration_mps2 * object.mass_kg,
+            object_force_n: air.force_n,
             object_torque_nm: self.spin_friction() + air.torque_nm,
             gravity: self.gravity(),
         };
@@ -315,10 +313,8 @@ impl Arena {
         if !self.sensors.are_due(now_s, at_observation) {
             return;
         }
-        let state = &self.state;
-        let X_WL = self.link_poses(&state.q);
-        let width_m = state.finger_m[0] + state.finger_m[1];
-        let scene = Scene { capture_s: now_s, X_WL: &X_WL, width_m, X_WO: &state.X_WO };
+        let WorldState { q, finger_m, X_WO, .. } = self.state;
+        let scene = Scene { capture_s: now_s, X_WL: self.link_poses(&q), width_m: finger_m[0] + finger_m[1], X_WO };
         self.sensors.expose(&self.equipment.shared.renderer, &scene, at_observation);
     }
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::drawn::Drawn;
 
 /// Errors of the depth images. None by default, as in the paper.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DepthConfig {
     /// The errors of a pixel's depth.
@@ -41,21 +41,6 @@ pub struct DepthConfig {
     /// half a pixel where corners of pixels are taken for their centres, as in the authors' code.
     #[serde(deserialize_with = "quantity::error_px")]
     pub pixel_shift_px: f64,
-}
-
-impl Default for DepthConfig {
-    fn default() -> Self {
-        Self {
-            model: DepthModel::default(),
-            lost_frame_fraction: 0.0,
-            lost_frame_persistence: 0.0,
-            hole_fraction: Drawn::Always(0.0),
-            step_m: 0.0,
-            calibration_sd_m: 0.0,
-            calibration_sd_rad: 0.0,
-            pixel_shift_px: 0.0,
-        }
-    }
 }
 
 impl DepthConfig {
@@ -187,7 +172,6 @@ impl DepthConfig {
     /// # Errors
     /// Ranges whose ends are swapped, fractions whose sum is above one.
     pub fn check(&self, file: &str, table: &str) -> Result<(), InputError> {
-        self.hole_fraction.check(&quantity::FRACTION, file, &format!("{table}.hole_fraction"))?;
         let DepthModel::Stereo(noise) = &self.model else { return Ok(()) };
         let field = |name: &str| format!("{table}.model.stereo.{name}");
         let rising = |name: &str, values: Option<[f64; 2]>| match values {

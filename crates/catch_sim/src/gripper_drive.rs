@@ -54,7 +54,8 @@ impl Gains {
 /// Executes gripper moves.
 #[derive(Debug, Clone)]
 pub struct GripperDrive {
-    gains: Gains,
+    /// Gains of its controllers.
+    pub gains: Gains,
     gripper: Gripper,
     max_force_n: f64,
     active: ActiveMove,
@@ -84,52 +85,33 @@ enum Law {
 }
 
 impl GripperDrive {
-    /// The ideal drive; it holds the fingers `width_m` apart.
-    pub fn new(gripper: &Gripper, width_m: f64) -> Self {
-        Self::with_gains(gripper, width_m, Gains::ideal(gripper.finger_mass_kg))
-    }
-
-    /// An ideal drive with a controller of its own.
-    pub fn with_gains(gripper: &Gripper, width_m: f64, gains: Gains) -> Self {
-        let order =
-            GripperMove { start_s: 0.0, width_m, speed_mps: gripper.max_speed_mps, force_n: gripper.max_force_n };
-        Self {
+    /// The drive that a scenario names; it holds the fingers `width_m` apart. `draws` decide where in its
+    /// cycle a real one stands at t = 0.
+    pub fn new(kind: GripperDriveKind, gripper: &Gripper, width_m: f64, draws: &mut Draws) -> Self {
+        let Gripper { max_speed_mps, max_force_n, finger_mass_kg, .. } = *gripper;
+        let (gains, max_force_n, law) = match kind {
+            GripperDriveKind::Ideal => (Gains::ideal(finger_mass_kg), max_force_n, Law::Ideal),
+            GripperDriveKind::Real => {
+                let mass_kg = finger_mass_kg + DRIVE_MASS_KG;
+                let interface = Interface::new(gripper, width_m, draws.unit());
+                let law = Law::Real(interface, Ramp::new(gripper, width_m, mass_kg));
+                (Gains::critical(mass_kg, interface::BANDWIDTH_RADPS), max_force_n, law)
+            }
+            GripperDriveKind::Position => (Gains::PUBLISHED, PUBLISHED_FORCE_N, Law::Position),
+        };
+        let order = GripperMove { start_s: 0.0, width_m, speed_mps: max_speed_mps, force_n: max_force_n };
+        let mut drive = Self {
             gains,
             gripper: gripper.clone(),
-            max_force_n: gripper.max_force_n,
+            max_force_n,
             active: ActiveMove { order, from_m: width_m, since_s: 0.0 },
             queue: GripperQueue::default(),
             squeeze_n: 0.0,
             watch: GraspWatch::default(),
-            law: Law::Ideal,
-        }
-    }
-
-    /// The drive that the gripper's file describes; `draws` decide where in its cycle it stands at t = 0.
-    pub fn real(gripper: &Gripper, width_m: f64, draws: &mut Draws) -> Self {
-        let mass_kg = gripper.finger_mass_kg + DRIVE_MASS_KG;
-        let gains = Gains::critical(mass_kg, interface::BANDWIDTH_RADPS);
-        let interface = Interface::new(gripper, width_m, draws.unit());
-        let law = Law::Real(interface, Ramp::new(gripper, width_m, mass_kg));
-        Self { law, ..Self::with_gains(gripper, width_m, gains) }
-    }
-
-    /// A controller for each finger that knows no limit of speed.
-    pub fn position(gripper: &Gripper, width_m: f64) -> Self {
-        let mut drive = Self::with_gains(gripper, width_m, Gains::PUBLISHED);
-        drive.law = Law::Position;
-        drive.max_force_n = PUBLISHED_FORCE_N;
-        drive.active.order = drive.as_driven(drive.active.order);
+            law,
+        };
+        drive.active.order = drive.as_driven(order);
         drive
-    }
-
-    /// The drive that a scenario names.
-    pub fn of_kind(kind: GripperDriveKind, gripper: &Gripper, width_m: f64, draws: &mut Draws) -> Self {
-        match kind {
-            GripperDriveKind::Ideal => Self::new(gripper, width_m),
-            GripperDriveKind::Real => Self::real(gripper, width_m, draws),
-            GripperDriveKind::Position => Self::position(gripper, width_m),
-        }
     }
 
     /// Moves that were rejected because a number was not finite, or speed or force not above zero.

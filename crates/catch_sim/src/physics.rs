@@ -24,7 +24,7 @@ use crate::{
 };
 use colliders::{Bodies, Body, Colliders};
 use contacts::{Contacts, Masses, Velocities};
-pub(crate) use free_motion::FreeBody;
+pub(crate) use free_motion::FlyingObject;
 use machine::{Coordinates, Machine, Posture, Stop};
 
 /// Constants of the physics.
@@ -135,7 +135,9 @@ pub struct World {
     machine: Machine,
     colliders: Colliders,
     contacts: Contacts,
-    object: Object,
+    object: FlyingObject,
+    /// Stiffness of the object's surface, if it is soft.
+    stiffness_npm: Option<f64>,
     /// Contact forces of the last step.
     contact_forces: ContactForces,
 }
@@ -162,36 +164,6 @@ impl ContactForces {
     }
 }
 
-/// The object, and where its centre of mass C is; C has the axes of O.
-struct Object {
-    free: FreeBody,
-    com_O: Vector3<f64>,
-    stiffness_npm: Option<f64>,
-    X_WC: Pose,
-    V_WC: Twist,
-}
-
-impl Object {
-    fn released(object: &ThrownObject, release: &Release) -> Self {
-        let X_WO = Pose::from_parts(release.p_WO.into(), release.q_WO);
-        let V_WO = Twist { angular: release.omega_WO, linear: release.v_WO };
-        let com_O = object.com_O.coords;
-        let (X_WC, V_WC) = carried((&X_WO, &V_WO), &com_O);
-        Self { free: FreeBody::of(object), com_O, stiffness_npm: object.stiffness_npm, X_WC, V_WC }
-    }
-
-    /// Pose and velocity of O.
-    fn state(&self) -> (Pose, Twist) {
-        carried((&self.X_WC, &self.V_WC), &-self.com_O)
-    }
-
-    /// Moves as if nothing touched it.
-    fn fly(&mut self, loads: &Loads, step_s: f64) {
-        let wrench = (&loads.object_force_n, &loads.object_torque_nm);
-        (self.X_WC, self.V_WC) = self.free.advanced((&self.X_WC, &self.V_WC), &loads.gravity, wrench, step_s);
-    }
-}
-
 impl World {
     /// A world at rest but for the object, which has just been released. The arm comes without the gripper's
     /// mass; one without joints is a mount that is fixed in the world. The gripper is `width_m` open.
@@ -207,8 +179,15 @@ impl World {
         colliders.exchange_object(object);
         let mut contacts = Contacts::default();
         contacts.contacts.reserve(colliders.touches.capacity());
-        let object = Object::released(object, release);
-        Self { settings, machine, colliders, contacts, object, contact_forces: ContactForces::default() }
+        Self {
+            settings,
+            machine,
+            colliders,
+            contacts,
+            object: FlyingObject::released(object, release),
+            stiffness_npm: object.stiffness_npm,
+            contact_forces: ContactForces::default(),
+        }
     }
 
     /// Takes the object out and puts another one in, which has just been released. Friction and restitution
@@ -216,7 +195,7 @@ impl World {
     pub fn exchange_object(&mut self, object: &ThrownObject, release: &Release, friction: f64, restitution: f64) {
         (self.settings.friction, self.settings.restitution) = (friction, restitution);
         self.colliders.exchange_object(object);
-        self.object = Object::released(object, release);
+        (self.object, self.stiffness_npm) = (FlyingObject::released(object, release), object.stiffness_npm);
         self.contact_forces = ContactForces::default();
     }
 
@@ -255,7 +234,7 @@ impl World {
         if touches.is_empty() && stops.iter().all(Option::is_none) {
             self.machine.positions += halfway * step_s;
             self.machine.velocities += acceleration * step_s;
-            self.object.fly(loads, step_s);
+            self.object.fly(&loads.gravity, (&loads.object_force_n, &loads.object_torque_nm), step_s);
         } else {
             // The stops of the fingers alone are met in parts at no cost.
             let parts = if touches.is_empty() { self.settings.substeps } else { 1 };
@@ -275,27 +254,27 @@ impl World {
     ) {
         let WorldSettings { friction, restitution, .. } = self.settings;
         let part_s = step_s / parts as f64;
-        let Object { free, mut X_WC, V_WC, stiffness_npm, .. } = self.object;
+        let FlyingObject { body, mut X_WC, V_WC, .. } = self.object;
         let mut positions = self.machine.positions;
         let before = Velocities { machine: self.machine.velocities, linear: V_WC.linear, angular: V_WC.angular };
         let masses = Masses {
             machine: &self.machine,
             posture,
-            root_kg: free.mass_kg.sqrt(),
-            roots_W: free.roots_along(&X_WC.rotation),
+            root_kg: body.mass_kg.sqrt(),
+            roots_W: body.roots_along(&X_WC.rotation),
             p_WC: X_WC.translation.vector,
         };
         let contacts = &mut self.contacts;
-        contacts.begin(&masses, (&self.colliders.touches, stops), (friction, stiffness_npm), part_s);
-        let linear = loads.gravity + loads.object_force_n / free.mass_kg;
+        contacts.begin(&masses, (&self.colliders.touches, stops), (friction, self.stiffness_npm), part_s);
+        let linear = loads.gravity + loads.object_force_n / body.mass_kg;
         let q_WC = X_WC.rotation;
-        let mut momentum = free.momentum(&q_WC, &V_WC.angular);
+        let mut momentum = body.momentum(&q_WC, &V_WC.angular);
         let mut now = before;
         for _ in 0..parts {
             now.machine += acceleration * part_s;
             now.linear += linear * part_s;
             momentum += loads.object_torque_nm * part_s;
-            now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
+            now.angular = body.angular_velocity(&X_WC.rotation, &momentum);
             let unpushed = now.angular;
             contacts.advance(&masses, &mut now, |now| {
                 positions += now.machine * part_s;
@@ -303,20 +282,20 @@ impl World {
                 X_WC.rotation = UnitQuaternion::from_scaled_axis(now.angular * part_s) * X_WC.rotation;
             });
             // Contacts stay where they were when the step began, and answer by the inertia of then.
-            momentum += free.momentum(&q_WC, &(now.angular - unpushed));
+            momentum += body.momentum(&q_WC, &(now.angular - unpushed));
         }
-        now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
+        now.angular = body.angular_velocity(&X_WC.rotation, &momentum);
         let contacts = &mut contacts.contacts;
         let of_object = || contacts.iter().filter(|it| it.touch.pushed == Body::Object);
         if of_object().any(|it| it.pushed_ns() > 0.0) {
             of_object().for_each(|it| impulses[it.touch.part as usize] += it.pushed_ns());
             let unpushed = now.angular;
             restitution::let_rebound(&masses, contacts, restitution, (&before, &mut now), impulses);
-            momentum += free.momentum(&q_WC, &(now.angular - unpushed));
-            now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
+            momentum += body.momentum(&q_WC, &(now.angular - unpushed));
+            now.angular = body.angular_velocity(&X_WC.rotation, &momentum);
             (self.object.X_WC, self.object.V_WC) = (X_WC, Twist { angular: now.angular, linear: now.linear });
         } else {
-            self.object.fly(loads, step_s);
+            self.object.fly(&loads.gravity, (&loads.object_force_n, &loads.object_torque_nm), step_s);
         }
         (self.machine.positions, self.machine.velocities) = (positions, now.machine);
         for contact in contacts {
@@ -336,9 +315,14 @@ impl World {
         self.colliders.nearest_to_object(&self.bodies(&posture))
     }
 
+    /// The object.
+    pub(crate) fn object(&self) -> &FlyingObject {
+        &self.object
+    }
+
     /// Moves the object to where its centre of mass is recorded to be.
     pub(crate) fn follow(&mut self, recorded: &RecordedState) {
-        recorded.put((&mut self.object.X_WC, &mut self.object.V_WC));
+        self.object.follow(recorded);
     }
 
     /// The state after the last step.
@@ -353,11 +337,4 @@ impl World {
     pub fn contact_forces(&self) -> ContactForces {
         self.contact_forces
     }
-}
-
-/// Pose and velocity of a frame that stands at `p_AB` in a moving frame A, with the same axes.
-pub(crate) fn carried((X_WA, V_WA): (&Pose, &Twist), p_AB: &Vector3<f64>) -> (Pose, Twist) {
-    let p_AB_W = X_WA.rotation * p_AB;
-    let X_WB = Pose::from_parts((X_WA.translation.vector + p_AB_W).into(), X_WA.rotation);
-    (X_WB, Twist { angular: V_WA.angular, linear: V_WA.linear + V_WA.angular.cross(&p_AB_W) })
 }

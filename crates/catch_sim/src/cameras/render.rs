@@ -14,15 +14,15 @@ use nalgebra::Vector3;
 
 /// Scene in front of the cameras at one instant.
 #[derive(Debug, Clone, Copy)]
-pub struct Scene<'a> {
+pub struct Scene {
     /// Time at which the shutters close, in seconds on the cell's clock.
     pub capture_s: f64,
     /// Poses of the arm's links.
-    pub X_WL: &'a LinkPoses,
+    pub X_WL: LinkPoses,
     /// Opening of the gripper.
     pub width_m: f64,
     /// Pose of the object.
-    pub X_WO: &'a Pose,
+    pub X_WO: Pose,
 }
 
 /// Pixels that are read out.
@@ -56,24 +56,11 @@ impl Renderer {
         Self { arm: ArmSurface::new(robot, gripper), object: RayCaster::new(object), floor_visible }
     }
 
-    /// Renders one frame per camera, without any error: depth in metres along the optical axis, NaN where
-    /// there is no surface; with `labelled` also which pixels show the object. The cameras stand where their
-    /// models say.
-    pub fn render(&self, cameras: &[CameraModel], scene: &Scene, readout: Readout, labelled: bool) -> Vec<DepthFrame> {
-        let view = self.view(scene);
-        let frame_of = |(index, camera): (usize, &CameraModel)| {
-            let window = view.window(index, camera, readout, 0);
-            let channels = Channels { shows_object: labelled, facing: false };
-            view.image(camera, &view.bodies(camera), window, channels).frame(index, scene.capture_s)
-        };
-        cameras.iter().enumerate().map(frame_of).collect()
-    }
-
-    /// The surfaces where they are in `scene`.
-    pub(super) fn view(&self, scene: &Scene) -> View<'_> {
+    /// The surfaces where they are in `scene`, and further ones with their poses.
+    pub(super) fn view<'a>(&'a self, scene: &Scene, more: impl Iterator<Item = (Pose, &'a RayCaster)>) -> View<'a> {
         View {
-            others: self.arm.parts(scene.X_WL, scene.width_m).collect(),
-            object: (*scene.X_WO, &self.object),
+            others: self.arm.parts(&scene.X_WL, scene.width_m).chain(more).collect(),
+            object: (scene.X_WO, &self.object),
             floor_visible: self.floor_visible,
         }
     }
@@ -88,12 +75,6 @@ pub(super) struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    /// Adds more bodies.
-    pub fn with(mut self, bodies: impl IntoIterator<Item = (Pose, &'a RayCaster)>) -> Self {
-        self.others.extend(bodies);
-        self
-    }
-
     /// The pixels of camera number `index` that are read out; a window around the object is widened by
     /// `margin_px`.
     pub fn window(&self, index: usize, camera: &CameraModel, readout: Readout, margin_px: u32) -> PixelWindow {

@@ -17,7 +17,6 @@ pub(super) struct Interface {
     cycle_s: f64,
     /// Time of the first cycle.
     phase_s: f64,
-    step_m: f64,
     cycles_seen: u64,
     reported: GripperState,
 }
@@ -27,14 +26,7 @@ impl Interface {
     pub fn new(gripper: &Gripper, width_m: f64, phase: f64) -> Self {
         let cycle_s = 1.0 / gripper.drive.state_rate_hz;
         let reported = GripperState { width_m, speed_mps: 0.0, force_n: 0.0, grasp: catch_cell::GraspState::Idle };
-        Self {
-            latency_s: gripper.drive.latency_s,
-            cycle_s,
-            phase_s: phase * cycle_s,
-            step_m: WIDTH_STEP_M,
-            cycles_seen: 0,
-            reported,
-        }
+        Self { latency_s: gripper.drive.latency_s, cycle_s, phase_s: phase * cycle_s, cycles_seen: 0, reported }
     }
 
     /// Time of the first cycle.
@@ -61,8 +53,7 @@ impl Interface {
         let cycles = ((time_s - self.phase_s) / self.cycle_s + 1e-6).floor() + 1.0;
         if cycles > self.cycles_seen as f64 {
             self.cycles_seen = cycles as u64;
-            let rounded =
-                |value: f64| if self.step_m > 0.0 { (value / self.step_m).round() * self.step_m } else { value };
+            let rounded = |value: f64| (value / WIDTH_STEP_M).round() * WIDTH_STEP_M;
             self.reported = GripperState { width_m: rounded(live.width_m), speed_mps: rounded(live.speed_mps), ..live };
         }
     }

@@ -2,8 +2,10 @@
 
 use catch_body::{Gripper, InputError, JointVector, Pose, Robot, robot_file::RobotFiles};
 use catch_sim::{
-    Arena, ArenaConfig, Conditions, Equipment, Release, ThrownObject,
+    Arena, ArenaConfig, Conditions, Equipment, GripperDriveKind, Release, ThrownObject,
+    gripper_drive::GripperDrive,
     physics::{Loads, World, WorldSettings},
+    random_streams::{Draws, Stream},
 };
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
@@ -87,6 +89,11 @@ pub fn fixed_hand(
 pub fn arena(config: &ArenaConfig, object: &str, release: &Release, ready_q: &JointVector) -> Arena {
     let equipment = Equipment::new(config.clone(), robot(), gripper(), self::object(object), Vec::new());
     Arena::new(&equipment, release, ready_q, 0, 0)
+}
+
+/// An ideal drive of a gripper that is this wide open.
+pub fn ideal_drive(gripper: &Gripper, width_m: f64) -> GripperDrive {
+    GripperDrive::new(GripperDriveKind::Ideal, gripper, width_m, &mut Draws::new(Stream::Gripper, 0, 0))
 }
 
 /// Conditions without any effect besides the throw itself.
