@@ -1,14 +1,10 @@
 //! The `[arena]` table of a scenario.
 
-mod gripper;
-
 use catch_body::{InputError, quantity};
 use catch_cell::CameraModel;
 use serde::{Deserialize, Serialize};
 
 pub use crate::drawn::{Between, Drawn};
-
-pub use gripper::{GripperDriveKind, GripperTrigger};
 
 use crate::{
     aerodynamics::AerodynamicsConfig, camera_faults::CameraFault, depth_noise::DepthConfig, person::PersonConfig,
@@ -89,6 +85,34 @@ pub struct ArenaConfig {
     /// Time step of the physics and period of the servo. Default 1 ms.
     #[serde(deserialize_with = "quantity::step_s")]
     pub step_s: f64,
+}
+
+/// Drive model of the gripper.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GripperDriveKind {
+    /// Drive as strong as the real gripper, but without limit of speed beyond the fingers' own inertia and
+    /// without latency: about 5 ms from wide open to a tennis ball. The paper's gripper, less its 1000 N.
+    #[default]
+    Ideal,
+    /// A real one: the limits of speed, acceleration and force in the gripper's file hold, and commands and
+    /// states take time, as its table `drive` says.
+    Real,
+    /// One controller for each finger, which jumps to the commanded width whatever speed and force the
+    /// command has: the paper's.
+    Position,
+}
+
+/// Trigger that makes the fingers close.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GripperTrigger {
+    /// The brain's commands.
+    #[default]
+    Command,
+    /// A sensor in the gripper that sees where the object truly is, as in the paper's simulator; commands are
+    /// ignored. Fingers that have closed stay so.
+    Proximity,
 }
 
 /// Errors of the robot's encoders and of its model. All zero by default, as in the paper.

@@ -31,17 +31,15 @@ pub struct Gains {
 }
 
 impl Gains {
-    /// Gains as stiff as a controller at 1 kHz may have with fingers of 50 g: it follows within a
-    /// millisecond, and a finger that is stopped by an object presses with all its force 2 ms later.
-    pub const IDEAL: Self = Self { stiffness_npm: 10_000.0, damping_nspm: 40.0 };
-
     /// Gains of the authors' code.
     pub const PUBLISHED: Self = Self { stiffness_npm: 2500.0, damping_nspm: 20.0 };
 
-    /// Ideal gains for fingers of this mass: gains that are stable for 50 g are unstable at 1 kHz for 15 g.
+    /// Gains as stiff as a controller at 1 kHz may have with fingers of 50 g: it follows within a millisecond,
+    /// and a finger that is stopped by an object presses with all its force 2 ms later. Lighter fingers have
+    /// less: with the same gains they would be unstable.
     fn ideal(finger_mass_kg: f64) -> Self {
         let lighter = (finger_mass_kg / 0.05).min(1.0);
-        Self { stiffness_npm: Self::IDEAL.stiffness_npm * lighter, damping_nspm: Self::IDEAL.damping_nspm * lighter }
+        Self { stiffness_npm: 10_000.0 * lighter, damping_nspm: 40.0 * lighter }
     }
 
     /// Critically damped, at the natural frequency ω in rad/s, for a finger with its fraction of the drive: k
@@ -127,7 +125,7 @@ impl GripperDrive {
     /// Time of the first cycle of the drive's connection, in seconds on the cell's clock; `None` for a drive
     /// without one.
     pub fn phase_s(&self) -> Option<f64> {
-        if let Law::Real(interface, _) = &self.law { Some(interface.phase_s()) } else { None }
+        if let Law::Real(interface, _) = &self.law { Some(interface.phase_s) } else { None }
     }
 
     /// Replaces all moves that have not started at `now_s`. One that should have started begins at once.
@@ -200,14 +198,14 @@ impl GripperDrive {
     }
 
     fn live_state(&self, width_m: f64, speed_mps: f64) -> GripperState {
-        GripperState { width_m, speed_mps, force_n: self.squeeze_n, grasp: self.watch.state() }
+        GripperState { width_m, speed_mps, force_n: self.squeeze_n, grasp: self.watch.state }
     }
 
     /// State that the gripper reports.
     pub fn state(&self, finger_m: [f64; 2], finger_mps: [f64; 2]) -> GripperState {
         match &self.law {
             Law::Ideal | Law::Position => self.live_state(finger_m[0] + finger_m[1], finger_mps[0] + finger_mps[1]),
-            Law::Real(interface, _) => interface.reported(),
+            Law::Real(interface, _) => interface.reported,
         }
     }
 }

@@ -7,10 +7,13 @@ use catch_body::{InputError, TriangleMesh, quantity, shape::Cuboid};
 use nalgebra::{Matrix3, Point3};
 use serde::{Deserialize, de::IgnoredAny};
 
-pub use crate::object_shape::{ColliderPart, check_length};
 use crate::{
     config::Drawn,
     object_shape::{ShapeFields, Solid},
+};
+pub use crate::{
+    convex_parts::hull_area_m2,
+    object_shape::{ColliderPart, check_length},
 };
 use published::PublishedFields;
 

@@ -8,7 +8,6 @@
 
 mod colliders;
 mod contacts;
-mod convert;
 mod free_motion;
 mod machine;
 mod restitution;
@@ -17,11 +16,7 @@ mod spatial;
 use catch_body::{Gripper, JointVector, Pose, Robot, Twist};
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::{
-    object::ThrownObject,
-    throw::{RecordedState, Release},
-    truth::Contact,
-};
+use crate::{object::ThrownObject, throw::Release, truth::Contact};
 use colliders::{Bodies, Body, Colliders};
 use contacts::{Contacts, Masses, Velocities};
 pub(crate) use free_motion::FlyingObject;
@@ -97,9 +92,8 @@ pub struct ContactForces {
     pub finger_n: [f64; 2],
 }
 
-/// The body that a collider belongs to, as far as the referee cares; kept in the collider's user data.
+/// The body that a collider belongs to, as far as the referee cares.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
 enum Part {
     Object,
     LeftFinger,
@@ -135,7 +129,7 @@ pub struct World {
     machine: Machine,
     colliders: Colliders,
     contacts: Contacts,
-    object: FlyingObject,
+    pub(crate) object: FlyingObject,
     /// Stiffness of the object's surface, if it is soft.
     stiffness_npm: Option<f64>,
     /// Contact forces of the last step.
@@ -287,8 +281,8 @@ impl World {
         now.angular = body.angular_velocity(&X_WC.rotation, &momentum);
         let contacts = &mut contacts.contacts;
         let of_object = || contacts.iter().filter(|it| it.touch.pushed == Body::Object);
-        if of_object().any(|it| it.pushed_ns() > 0.0) {
-            of_object().for_each(|it| impulses[it.touch.part as usize] += it.pushed_ns());
+        if of_object().any(|it| it.normal.total_ns > 0.0) {
+            of_object().for_each(|it| impulses[it.touch.part as usize] += it.normal.total_ns);
             let unpushed = now.angular;
             restitution::let_rebound(&masses, contacts, restitution, (&before, &mut now), impulses);
             momentum += body.momentum(&q_WC, &(now.angular - unpushed));
@@ -313,16 +307,6 @@ impl World {
     pub(crate) fn nearest_to_object(&self) -> Option<(&'static str, f64)> {
         let posture = self.machine.posture(&self.machine.positions, self.settings.step_s)?;
         self.colliders.nearest_to_object(&self.bodies(&posture))
-    }
-
-    /// The object.
-    pub(crate) fn object(&self) -> &FlyingObject {
-        &self.object
-    }
-
-    /// Moves the object to where its centre of mass is recorded to be.
-    pub(crate) fn follow(&mut self, recorded: &RecordedState) {
-        self.object.follow(recorded);
     }
 
     /// The state after the last step.

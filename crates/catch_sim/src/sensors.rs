@@ -15,11 +15,12 @@ use crate::{
 /// Cameras that look, at every observation or in their own time, and whose images arrive after a while.
 #[derive(Debug, Clone)]
 pub(crate) struct Sensors {
-    cameras: DepthCameras,
+    pub cameras: DepthCameras,
     clocks: Vec<CameraClock>,
     labels: bool,
     latency_s: Drawn,
-    windows: Option<Vec<PixelWindow>>,
+    /// The windows that the brain wants; `None` means all that the cameras give by themselves.
+    pub windows: Option<Vec<PixelWindow>>,
     /// Faults that have not begun.
     coming_faults: Vec<CameraFault>,
     /// Fault of each camera's images.
@@ -85,16 +86,6 @@ impl Sensors {
     pub fn camera_poses(&self) -> Vec<CameraPose> {
         let poses = self.cameras.cameras().iter().zip(&self.clocks);
         poses.map(|(camera, clock)| CameraPose { pose: (&camera.X_WC).into(), phase_s: clock.phase_s }).collect()
-    }
-
-    /// Fraction of the object's surface that gives no depth.
-    pub fn hole_fraction(&self) -> f64 {
-        self.cameras.hole_fraction()
-    }
-
-    /// The windows that the brain wants from now on; `None` means all that the cameras give by themselves.
-    pub fn set_windows(&mut self, windows: Option<Vec<PixelWindow>>) {
-        self.windows = windows;
     }
 
     /// Returns whether any camera takes an image now.
@@ -208,7 +199,7 @@ mod tests {
             *camera = CameraModel { rate_hz: Some(rate_hz), ..camera.clone() };
         }
         let mut sensors = Sensors::new(config, &cameras, 5, index);
-        sensors.set_windows(Some(vec![window; 2]));
+        sensors.windows = Some(vec![window; 2]);
         let mut seen = Vec::new();
         for step in 0..(duration_s * 1e3) as u32 {
             let now_s = f64::from(step) * 1e-3;

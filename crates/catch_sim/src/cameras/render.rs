@@ -121,7 +121,14 @@ impl<'a> View<'a> {
 
         let up_C = camera.X_WC.rotation.inverse() * Vector3::z();
         let floor = self.floor_visible.then_some((FLOOR_Z_M - camera.X_WC.translation.z, up_C));
-        let mut image = Image::empty(camera, window, channels);
+        let pixels = window.area();
+        let mut image = Image {
+            camera,
+            window,
+            depth_m: vec![f32::NAN; pixels],
+            shows_object: channels.shows_object.then(|| vec![false; pixels]),
+            facing: channels.facing.then(|| vec![0.0; pixels]),
+        };
         for (pixel, seen) in seen.pixels().enumerate().filter(|(_, seen)| seen.is_some() || floor.is_some()) {
             let ray_C = camera.back_project(&window.pixel_centre(pixel), 1.0).coords;
             let floor_m = floor.map(|(below_m, up_C)| below_m / up_C.dot(&ray_C));
@@ -161,15 +168,7 @@ pub(super) struct Channels {
     pub facing: bool,
 }
 
-impl<'a> Image<'a> {
-    /// An image of nothing.
-    pub fn empty(camera: &'a CameraModel, window: PixelWindow, channels: Channels) -> Self {
-        let pixels = window.area();
-        let shows_object = channels.shows_object.then(|| vec![false; pixels]);
-        let facing = channels.facing.then(|| vec![0.0; pixels]);
-        Self { camera, window, depth_m: vec![f32::NAN; pixels], shows_object, facing }
-    }
-
+impl Image<'_> {
     /// The image as the cell hands it out.
     pub fn frame(self, camera: usize, capture_s: f64) -> DepthFrame {
         DepthFrame { camera, capture_s, window: self.window, depth_m: self.depth_m, mask: self.shows_object }

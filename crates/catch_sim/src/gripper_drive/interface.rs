@@ -16,9 +16,10 @@ pub(super) struct Interface {
     latency_s: f64,
     cycle_s: f64,
     /// Time of the first cycle.
-    phase_s: f64,
+    pub phase_s: f64,
     cycles_seen: u64,
-    reported: GripperState,
+    /// State of the last cycle.
+    pub reported: GripperState,
 }
 
 impl Interface {
@@ -27,11 +28,6 @@ impl Interface {
         let cycle_s = 1.0 / gripper.drive.state_rate_hz;
         let reported = GripperState { width_m, speed_mps: 0.0, force_n: 0.0, grasp: catch_cell::GraspState::Idle };
         Self { latency_s: gripper.drive.latency_s, cycle_s, phase_s: phase * cycle_s, cycles_seen: 0, reported }
-    }
-
-    /// Time of the first cycle.
-    pub fn phase_s(&self) -> f64 {
-        self.phase_s
     }
 
     /// Time at which the fingers begin a move that is sent at `sent_s`, in seconds on the cell's clock.
@@ -56,11 +52,6 @@ impl Interface {
             let rounded = |value: f64| (value / WIDTH_STEP_M).round() * WIDTH_STEP_M;
             self.reported = GripperState { width_m: rounded(live.width_m), speed_mps: rounded(live.speed_mps), ..live };
         }
-    }
-
-    /// The state of the last cycle.
-    pub fn reported(&self) -> GripperState {
-        self.reported
     }
 }
 

@@ -14,11 +14,14 @@ use parry3d_f64::{
 
 use super::{
     Part,
-    convert::{from_vector, to_pose, to_vector},
     machine::{COORDINATES, Machine},
     spatial::Spatial,
 };
-use crate::{object::ThrownObject, object_shape::ColliderPart};
+use crate::{
+    convert::{from_vector, to_pose, to_vector, to_vectors},
+    object::ThrownObject,
+    object_shape::ColliderPart,
+};
 
 /// Things that come closer than this in a step are looked at in detail, in metres, besides what they move.
 const MARGIN_M: f64 = 1e-3;
@@ -202,8 +205,8 @@ impl Colliders {
                     (SharedShape::ball(*radius_m), Pose::translation(centre.x, centre.y, centre.z))
                 }
                 ColliderPart::Hull(points) => {
-                    let points: Vec<math::Vector> = points.iter().map(|it| to_vector(&it.coords)).collect();
-                    let hull = SharedShape::convex_hull(&points).expect("a part of an object encloses a volume");
+                    let hull =
+                        SharedShape::convex_hull(&to_vectors(points)).expect("a part of an object encloses a volume");
                     (hull, Pose::identity())
                 }
             };

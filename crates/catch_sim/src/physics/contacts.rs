@@ -9,9 +9,9 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{
     colliders::{Body, Load, Touch},
-    convert::{from_vector, to_vector},
     machine::{Coordinates, Machine, Posture, Stop},
 };
+use crate::convert::{from_vector, to_vector};
 
 /// Natural frequency of contacts with an object whose file names no stiffness, and the highest of any, in Hz:
 /// a finger sinks 0.2 mm into a bottle at most. Chosen.
@@ -140,8 +140,8 @@ impl Spring {
 }
 
 /// Two bodies that cannot pass through each other.
-struct Unilateral {
-    row: Row,
+pub(super) struct Unilateral {
+    pub row: Row,
     gap_m: f64,
     spring: Spring,
     /// True if the spring is that of the object, and not a means against overlaps of hard bodies.
@@ -150,7 +150,7 @@ struct Unilateral {
     meets: bool,
     /// Impulse in a solver's step, and in all of them.
     impulse_ns: f64,
-    total_ns: f64,
+    pub total_ns: f64,
 }
 
 impl Unilateral {
@@ -200,7 +200,7 @@ pub(super) struct Rebound {
 /// A touch, its rows and its impulses.
 pub(super) struct Contact {
     pub touch: Touch,
-    normal: Unilateral,
+    pub normal: Unilateral,
     /// Rebound of the object after the step, if there is one.
     pub rebound: Option<Rebound>,
     /// Rows in two directions across the normal.
@@ -209,16 +209,6 @@ pub(super) struct Contact {
 }
 
 impl Contact {
-    /// Row along the normal.
-    pub fn row(&self) -> &Row {
-        &self.normal.row
-    }
-
-    /// Normal impulse of the step.
-    pub fn pushed_ns(&self) -> f64 {
-        self.normal.total_ns
-    }
-
     /// Returns whether the contact bore a load in the step, and none in the one before.
     pub fn is_new(&self) -> bool {
         self.normal.total_ns > 0.0 && self.touch.load.normal_n == 0.0

@@ -31,9 +31,9 @@ pub(super) fn let_rebound(
 ) {
     let before = masses.weighted(before);
     for contact in &mut *contacts {
-        let wanted_mps = -restitution * contact.row().velocity(&before);
+        let wanted_mps = -restitution * contact.normal.row.velocity(&before);
         let rebounds = contact.is_new() && contact.touch.pushed == Body::Object && wanted_mps > 0.0;
-        contact.rebound = rebounds.then(|| Rebound { wanted_mps, impulse_ns: contact.pushed_ns() });
+        contact.rebound = rebounds.then(|| Rebound { wanted_mps, impulse_ns: contact.normal.total_ns });
     }
     if contacts.iter().all(|contact| contact.rebound.is_none()) {
         return;
@@ -43,7 +43,7 @@ pub(super) fn let_rebound(
         let mut largest_mps = 0.0f64;
         for contact in &mut *contacts {
             let Some(Rebound { wanted_mps, impulse_ns }) = contact.rebound else { continue };
-            let row = contact.row();
+            let row = &contact.normal.row;
             let missing_ns = (wanted_mps - row.velocity(&weighted)) / row.mobility_per_kg;
             let change_ns = (impulse_ns + missing_ns).max(0.0) - impulse_ns;
             row.push(&mut weighted, change_ns);
@@ -57,7 +57,7 @@ pub(super) fn let_rebound(
     *velocities = masses.unweighted(&weighted);
     for contact in contacts {
         if let Some(Rebound { impulse_ns, .. }) = contact.rebound {
-            impulses[contact.touch.part as usize] += impulse_ns - contact.pushed_ns();
+            impulses[contact.touch.part as usize] += impulse_ns - contact.normal.total_ns;
         }
     }
 }
