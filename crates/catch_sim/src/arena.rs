@@ -12,7 +12,7 @@ use crate::{
     config::{ArenaConfig, GripperDriveKind, GripperTrigger},
     encoders::Encoders,
     equipment::{Equipment, Shared},
-    free_flight::Air,
+    free_flight,
     gripper_drive::{DRIVE_MASS_KG, GripperDrive},
     physics::{ContactForces, Loads, World, WorldSettings, WorldState},
     random_streams::{Draws, Stream},
@@ -281,12 +281,12 @@ impl Arena {
         let before = self.state;
         let (q, dq) = self.encoders.sensed();
         let torque = self.servo.torque(now_s, step_s, &q, &dq);
-        let air = Air::in_step(&self.world.object, &self.conditions, step_s);
+        let (air_n, air_nm) = free_flight::air(&self.world.object, &self.conditions, step_s);
         let loads = Loads {
             torque,
             finger_force_n: self.drive.forces(now_s, before.finger_m, before.finger_mps),
-            object_force_n: air.force_n,
-            object_torque_nm: self.spin_friction() + air.torque_nm,
+            object_force_n: air_n,
+            object_torque_nm: self.spin_friction() + air_nm,
             gravity: self.gravity(),
         };
         self.steps += 1;

@@ -154,16 +154,6 @@ impl DepthModel {
     pub fn stereo(&self) -> Option<&StereoNoise> {
         if let Self::Stereo(noise) = self { Some(noise) } else { None }
     }
-
-    /// Standard deviation of a depth `z_m`, measured by a camera with this focal length, in metres. For
-    /// stereo to first order in the disparity's error.
-    pub fn sd_m(&self, z_m: f64, focal_px: f64) -> f64 {
-        match self {
-            Self::Perfect => 0.0,
-            Self::Gaussian(noise) => noise.sd_m,
-            Self::Stereo(stereo) => stereo.inverse_depth_sd_per_m(focal_px) * z_m * z_m,
-        }
-    }
 }
 
 impl DepthConfig {
@@ -209,12 +199,11 @@ mod tests {
         }
     }
 
-    /// The usual figure of stereo cameras: 114 mm at 7 m.
+    /// σ(z) = z²·σ(1/z).
     #[test]
-    fn stereo_errs_by_the_square_of_the_distance() {
-        let stereo = DepthModel::Stereo(StereoNoise::default());
-        assert!((stereo.sd_m(7.0, 362.0) - 0.114).abs() < 1e-4);
-        assert!((stereo.sd_m(3.5, 362.0) - 0.114 / 4.0).abs() < 1e-4);
+    fn the_usual_stereo_camera_errs_by_114_mm_at_7_m() {
+        let sd_m = 7.0 * 7.0 * StereoNoise::default().inverse_depth_sd_per_m(362.0);
+        assert!((sd_m - 0.114).abs() < 1e-4, "{sd_m}");
     }
 
     #[derive(Deserialize)]

@@ -36,8 +36,8 @@ impl Iterator for FreeFlight {
     /// The state, which then goes on as in the arena.
     fn next(&mut self) -> Option<Self::Item> {
         let state = self.object.state();
-        let air = Air::in_step(&self.object, &self.conditions, self.step_s);
-        self.object.fly(&gravity(), (&air.force_n, &air.torque_nm), self.step_s);
+        let (force_n, torque_nm) = air(&self.object, &self.conditions, self.step_s);
+        self.object.fly(&gravity(), (&force_n, &torque_nm), self.step_s);
         self.steps += 1;
         if let Some(recorded) = self.path.as_ref().and_then(|it| it.at(f64::from(self.steps) * self.step_s)) {
             self.object.follow(&recorded);
@@ -54,26 +54,15 @@ pub fn coasted(object: &ThrownObject, of_O: (&Pose, &Twist), duration_s: f64) ->
     object.state()
 }
 
-/// Aerodynamic force and torque on an object during one time step, by its state in the middle of it.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Air {
-    /// Force on the centre of mass.
-    pub force_n: Vector3<f64>,
-    /// Torque in W.
-    pub torque_nm: Vector3<f64>,
-}
-
-impl Air {
-    /// Aerodynamic effects in the step after the object's state.
-    pub fn in_step(object: &FlyingObject, conditions: &Conditions, step_s: f64) -> Self {
-        let FlyingObject { body, X_WC, V_WC, .. } = object;
-        let half_s = step_s / 2.0;
-        let acceleration = gravity() + conditions.air_mps2(&X_WC.rotation, V_WC);
-        let linear = V_WC.linear + acceleration * half_s;
-        // L̇ = −c·L: the constant torque that has the same effect in the step.
-        let decay = libm::expm1(-conditions.aerodynamics.spin_decay_per_s * step_s) / step_s;
-        let torque_nm = body.momentum(&X_WC.rotation, &V_WC.angular) * decay;
-        let (R_WC, angular) = body.rotated((&X_WC.rotation, &V_WC.angular), &torque_nm, half_s);
-        Self { force_n: conditions.air_mps2(&R_WC, &Twist { angular, linear }) * body.mass_kg, torque_nm }
-    }
+/// Aerodynamic force on the object's centre of mass and torque on it in W, constant for a step, by the state
+/// in the middle of it.
+pub(crate) fn air(object: &FlyingObject, conditions: &Conditions, step_s: f64) -> (Vector3<f64>, Vector3<f64>) {
+    let FlyingObject { body, X_WC, V_WC, .. } = object;
+    let half_s = step_s / 2.0;
+    let linear = V_WC.linear + (gravity() + conditions.air_mps2(&X_WC.rotation, V_WC)) * half_s;
+    // L̇ = −c·L: the constant torque that has the same effect in the step.
+    let decay = libm::expm1(-conditions.aerodynamics.spin_decay_per_s * step_s) / step_s;
+    let torque_nm = body.momentum(&X_WC.rotation, &V_WC.angular) * decay;
+    let (R_WC, angular) = body.rotated((&X_WC.rotation, &V_WC.angular), &torque_nm, half_s);
+    (conditions.air_mps2(&R_WC, &Twist { angular, linear }) * body.mass_kg, torque_nm)
 }

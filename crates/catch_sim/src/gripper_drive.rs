@@ -34,9 +34,9 @@ impl Gains {
     /// Gains of the authors' code.
     pub const PUBLISHED: Self = Self { stiffness_npm: 2500.0, damping_nspm: 20.0 };
 
-    /// Gains as stiff as a controller at 1 kHz may have with fingers of 50 g: it follows within a millisecond,
-    /// and a finger that is stopped by an object presses with all its force 2 ms later. Lighter fingers have
-    /// less: with the same gains they would be unstable.
+    /// Gains as stiff as a controller at 1 kHz may have with fingers of 50 g: it follows within a
+    /// millisecond, and a finger that is stopped by an object presses with all its force 2 ms later. Lighter
+    /// fingers have less: with the same gains they would be unstable.
     fn ideal(finger_mass_kg: f64) -> Self {
         let lighter = (finger_mass_kg / 0.05).min(1.0);
         Self { stiffness_npm: 10_000.0 * lighter, damping_nspm: 40.0 * lighter }

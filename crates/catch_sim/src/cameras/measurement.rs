@@ -113,8 +113,8 @@ impl DepthCameras {
         self.key.part(camera as u64).part(Purpose::Exposures as u64).part(exposure)
     }
 
-    /// The images of some cameras, each with the number of its exposure, that are not lost; with `labelled` also
-    /// which pixels truly show the object.
+    /// The images of some cameras, each with the number of its exposure, that are not lost; with `labelled`
+    /// also which pixels truly show the object.
     pub fn capture(
         &self,
         renderer: &Renderer,
@@ -145,13 +145,13 @@ impl DepthCameras {
             let exact = view.image(camera, &bodies, around(covered), channels);
             let hidden = self.holes.as_ref().map(|holes| holes.pixels(&exact.within(covered), &scene.X_WO));
             let pixels = key.part(Place::Pixels as u64);
-            let mut image = match (&self.config.model, stereo) {
-                (_, Some(stereo)) => stereo.measured(exact, covered, key),
-                (DepthModel::Perfect, _) => exact,
-                (model, _) => exact.changed(|pixel, _, z| {
+            let mut image = match &self.config.model {
+                DepthModel::Perfect => exact,
+                DepthModel::Gaussian(noise) => exact.changed(|pixel, _, z| {
                     let normal = counter_generator::normal((pixels.bits(pixel) >> 32) as u32);
-                    (z + model.sd_m(z, camera.focal_px) * normal) as f32
+                    (z + noise.sd_m * normal) as f32
                 }),
+                DepthModel::Stereo(noise) => noise.measured(exact, covered, key),
             };
             if self.config.step_m > 0.0 {
                 let step_m = self.config.step_m;

@@ -27,8 +27,9 @@ use crate::{
 const MARGIN_M: f64 = 1e-3;
 /// Points of a pair that are closer than this are one, in metres.
 const SAME_POINT_M: f64 = 1e-4;
-/// Points for which each pair has room, and for which all have together: with more, a step allocates.
-const MOST_POINTS: [usize; 2] = [8, 64];
+/// Points for which there is room, of each pair and of all: with more, a step allocates.
+const POINTS_OF_PAIR: usize = 8;
+const POINTS: usize = 64;
 
 /// Body to which a collider is fixed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -166,7 +167,7 @@ impl Colliders {
     /// Colliders of the floor, the arm with the obstacles around it, and the gripper. The object is still
     /// missing.
     pub fn new(machine: &Machine, robot: &Robot, gripper: &Gripper) -> Self {
-        let touches = Vec::with_capacity(MOST_POINTS[1]);
+        let touches = Vec::with_capacity(POINTS);
         let mut new = Self { colliders: Vec::new(), pairs: Vec::new(), touches };
         let up = SharedShape::halfspace(math::Vector::Z);
         new.add(Body::Fixed, Part::Floor, up, Pose::translation(0.0, 0.0, FLOOR_Z_M));
@@ -297,7 +298,7 @@ impl Colliders {
 impl Pair {
     fn new(pushing: usize, pushed: usize) -> Self {
         let mut manifold = ContactManifold::new();
-        manifold.points.reserve(MOST_POINTS[0]);
+        manifold.points.reserve(POINTS_OF_PAIR);
         Self { pushing, pushed, manifold }
     }
 }

@@ -33,7 +33,7 @@ pub(super) fn let_rebound(
     for contact in &mut *contacts {
         let wanted_mps = -restitution * contact.normal.row.velocity(&before);
         let rebounds = contact.is_new() && contact.touch.pushed == Body::Object && wanted_mps > 0.0;
-        contact.rebound = rebounds.then(|| Rebound { wanted_mps, impulse_ns: contact.normal.total_ns });
+        contact.rebound = rebounds.then_some(Rebound { wanted_mps, impulse_ns: contact.normal.total_ns });
     }
     if contacts.iter().all(|contact| contact.rebound.is_none()) {
         return;

@@ -1,9 +1,9 @@
 //! A step of the arena allocates nothing.
 //!
-//! The arenas have no cameras: an image is a new one for the brain, but every 10 ms only. The list of the true
-//! states grows with each step; the few times at which it moves to a place twice as large are allowed for.
-//! The object is a ball. For two shapes with corners the collision library copies the points of the step
-//! before, and it gathers those of an overlap in lists of its own.
+//! The arenas have no cameras: each image is a new one for the brain, but it comes every 10 ms only. The list
+//! of the true states grows with each step; the few times at which it moves to a place twice as large are
+//! allowed for. The object is a ball: for two shapes with corners the collision library copies the points of
+//! the step before, and it gathers those of an overlap in lists of its own.
 
 use catch_cell::{ArmTrajectory, BSpline, Cell, Command, GripperMove, TrajectoryId};
 use catch_sim::{

@@ -50,8 +50,8 @@ impl Hand {
         World::new(settings, (robot, q), gripper, 0.1, (object, &release))
     }
 
-    /// Kinetic energy of everything that moves, rotors and the gripper's drive included, in J: of the arm with
-    /// the fingers where they are, and what their motion adds.
+    /// Kinetic energy of everything that moves, rotors and the gripper's drive included, in J: of the arm
+    /// with the fingers where they are, and what their motion adds.
     fn energy_j(&self, world: &World, object: &ThrownObject) -> f64 {
         let state = world.state();
         let mut robot = self.robot.clone();
