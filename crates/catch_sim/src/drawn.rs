@@ -55,7 +55,8 @@ impl<'de> Numbers<'de> for Drawn {
         match ends.into_iter().find(|it| !range.contains(*it)) {
             Some(found) => Err(D::Error::invalid_value(Unexpected::Float(found), &range)),
             None if least > most => {
-                Err(D::Error::invalid_value(Unexpected::Float(least), &"a min that is not above the max"))
+                let expected = format!("{most} or less: not above the max");
+                Err(D::Error::invalid_value(Unexpected::Float(least), &expected.as_str()))
             }
             None => Ok(value),
         }
