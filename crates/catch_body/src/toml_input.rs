@@ -181,7 +181,7 @@ fn leaf<'a>(value: &'a Value, found: &str) -> Option<(Vec<Step>, &'a Value)> {
             if inner.is_some() {
                 return inner;
             }
-            format!("{} values", list.len()) == found || found == "a list"
+            format!("{} values", list.len()) == found || found == "a list" || found == said(value)
         }
         Value::Integer(number) => number.to_string() == found || (*number as f64).to_string() == found,
         Value::Float(number) => number.to_string() == found,

@@ -9,11 +9,12 @@ use catch_lab::{
     evaluation::{Cell, Evaluation},
     scenario::setup::{Choice, Setup},
 };
+use catch_sim::config::Drawn;
 
 fn main() -> anyhow::Result<()> {
     for friction in [0.667, 0.3] {
         let mut setup = Setup::load(&Choice { throw: Some("near_sampled"), ..Choice::default() })?;
-        setup.scenario.arena.friction = friction.into();
+        setup.scenario.arena.friction = Drawn::Always(friction);
         let evaluation = Evaluation { cells: vec![Cell::new(setup)], seed: 1, first: 0, trials: 4 };
 
         let mut rows = Vec::new();

@@ -14,7 +14,10 @@ use catch_lab::{
     scenario::setup::Setup,
 };
 use catch_recording::whole_file::{COMMAND_LINE, check_new, write_new};
-use catch_sim::cameras::{Readout, Renderer, Scene};
+use catch_sim::{
+    cameras::{DepthCameras, Readout, Renderer, Scene},
+    depth_noise::DepthConfig,
+};
 use catch_view::pages::placement_page::{self, CameraView};
 use clap::Args;
 use serde::Serialize;
@@ -216,8 +219,10 @@ fn views<'a>(setup: &Setup, study: &PlacementStudy, cameras: &'a [CameraModel], 
     let X_WL = setup.robot.link_poses(&setup.robot.ready_q);
     // The object is where no camera sees it.
     let X_WO = Pose::translation(0.0, 0.0, -1e3);
-    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: setup.gripper.max_width_m, X_WO: &X_WO };
-    let images = renderer.render(cameras, &scene, Readout::Full, false);
+    let scene = Scene { capture_s: 0.0, X_WL, width_m: setup.gripper.max_width_m, X_WO };
+    let exact = DepthCameras::new(cameras, &DepthConfig::default(), 0, 0);
+    let exposures = (0..cameras.len()).map(|camera| (camera, 0));
+    let images = exact.capture(&renderer, &scene, exposures, Readout::Full, false);
     let of_images = score.shown.iter().zip(&score.arm_shown);
     let view = |((camera, image), (shown, of_arm)): ((&'a CameraModel, _), (&f64, &f64))| CameraView {
         camera,

@@ -308,7 +308,7 @@ impl Asset {
             Origin::Disk(folder) => folder.as_path(),
             Origin::BuiltIn(_) => Path::new(""),
         };
-        Throw::from_toml_with(&self.file, &self.text, &|it| recorded_throws::read(&folder.join(it.tracks), it.up))
+        Throw::from_toml_with(&self.file, &self.text, &|tracks, up| recorded_throws::read(&folder.join(tracks), up))
     }
 
     /// Like [`read_beside`](Self::read_beside), for text.

@@ -64,11 +64,12 @@ fn render(criterion: &mut Criterion) {
     for (name, rig, model) in models {
         let depth = DepthConfig { model, ..DepthConfig::default() };
         let cameras = DepthCameras::new(rig, &depth, 0, 0);
+        let exposures = || (0..rig.len()).map(|camera| (camera, 7));
         for floor_visible in [false, true] {
             let renderer = Renderer::new(&robot, &gripper, &object, floor_visible);
             let floor = if floor_visible { "floor" } else { "no floor" };
-            for (place, X_WO) in [("free", &free), ("in the gripper", &held)] {
-                let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO };
+            for (place, X_WO) in [("free", free), ("in the gripper", held)] {
+                let scene = Scene { capture_s: 0.0, X_WL, width_m: 0.11, X_WO };
                 // A brain that knows the object within 5 cm asks for windows around it.
                 let window = |camera: &catch_cell::CameraModel| {
                     let centre_C = camera.X_WC.inverse_transform_point(&X_WO.translation.vector.into());
@@ -76,15 +77,15 @@ fn render(criterion: &mut Criterion) {
                 };
                 let windows: Vec<PixelWindow> = cameras.cameras().iter().map(window).collect();
                 timed(criterion, &format!("{name}, {floor}, ball {place}, labelled"), || {
-                    cameras.capture(&renderer, &scene, 7, Readout::Object, true)
+                    cameras.capture(&renderer, &scene, exposures(), Readout::Object, true)
                 });
                 timed(criterion, &format!("{name}, {floor}, ball {place}, windows"), || {
-                    cameras.capture(&renderer, &scene, 7, Readout::Windows(&windows), false)
+                    cameras.capture(&renderer, &scene, exposures(), Readout::Windows(&windows), false)
                 });
             }
-            let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &free };
+            let scene = Scene { capture_s: 0.0, X_WL, width_m: 0.11, X_WO: free };
             timed(criterion, &format!("{name}, {floor}, full images"), || {
-                cameras.capture(&renderer, &scene, 7, Readout::Full, false)
+                cameras.capture(&renderer, &scene, exposures(), Readout::Full, false)
             });
         }
     }

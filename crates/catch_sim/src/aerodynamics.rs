@@ -52,7 +52,7 @@ pub struct AerodynamicsConfig {
 }
 
 /// The aerodynamic coefficients of one throw.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Aerodynamics {
     /// Deviation E of the drag matrix k·(1 + E), in O.
     pub drag_deviation_O: Matrix3<f64>,
@@ -63,13 +63,6 @@ pub struct Aerodynamics {
 }
 
 impl Aerodynamics {
-    /// Drag that is the same from all sides, and nothing else.
-    pub const NONE: Self = Self {
-        drag_deviation_O: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        magnus: 0.0,
-        spin_decay_per_s: 0.0,
-    };
-
     /// Draws the aerodynamics of a throw of an object with this inertia about its centre of mass, in O.
     pub(crate) fn draw(config: &AerodynamicsConfig, inertia_kgm2: &Matrix3<f64>, draws: &mut Draws) -> Self {
         let size = config.drag_anisotropy * draws.unit();

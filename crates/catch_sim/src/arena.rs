@@ -1,14 +1,10 @@
 //! The simulated cell.
 
-mod disturbance;
-
-use std::{convert::Infallible, sync::Arc};
+use std::{convert::Infallible, f64::consts::TAU, sync::Arc};
 
 use catch_body::{JointVector, MAX_JOINTS, Pose, Robot, dynamics, kinematics::LinkPoses};
 use catch_cell::{Cell, Command, Observation};
 use nalgebra::Vector3;
-
-use disturbance::Disturbance;
 
 use crate::{
     cameras::Scene,
@@ -16,9 +12,9 @@ use crate::{
     config::{ArenaConfig, GripperDriveKind, GripperTrigger},
     encoders::Encoders,
     equipment::{Equipment, Shared},
-    free_flight::Air,
+    free_flight,
     gripper_drive::{DRIVE_MASS_KG, GripperDrive},
-    physics::{ContactForces, Loads, Mount, World, WorldSettings, WorldState, carried},
+    physics::{ContactForces, Loads, World, WorldSettings, WorldState},
     random_streams::{Draws, Stream},
     sensors::Sensors,
     servo::Servo,
@@ -35,6 +31,10 @@ const SUBSTEPS: usize = 4;
 /// Within these distances from the gripper's origin, in all and along its z, the paper's sensor sees the
 /// object's, in metres (code).
 const SENSED_WITHIN_M: [f64; 2] = [0.25, 0.01];
+/// Amplitude and frequency of the disturbance with which the referee tests whether an object is held, in m/s²
+/// and Hz, along (1, 1, 1).
+const DISTURBANCE_MPS2: f64 = 5.0;
+const DISTURBANCE_HZ: f64 = 2.0;
 
 /// An arm, a gripper, cameras and an object in flight.
 ///
@@ -57,7 +57,9 @@ pub struct Arena {
     has_triggered: bool,
     /// The recorded flight along which the untouched object moves, and when it was released.
     path: Option<(Arc<RecordedFlight>, f64)>,
-    disturbance: Option<Disturbance>,
+    /// How long after the next contact with the gripper the disturbance begins, and when it does so.
+    disturb_after_s: Option<f64>,
+    disturb_from_s: Option<f64>,
     state: WorldState,
     truth: Truth,
 }
@@ -76,8 +78,7 @@ impl Arena {
             restitution: conditions.restitution,
             drive_mass_kg: if config.gripper == GripperDriveKind::Real { DRIVE_MASS_KG } else { 0.0 },
         };
-        let mount = Mount::Arm { robot: &true_robot, q: ready_q };
-        let world = World::new(settings, mount, gripper, gripper.max_width_m, (object, release));
+        let world = World::new(settings, (&true_robot, ready_q), gripper, gripper.max_width_m, (object, release));
         let mut gripper_draws = Draws::new(Stream::Gripper, seed, index);
         let mut arena = Self {
             state: world.state(),
@@ -88,7 +89,7 @@ impl Arena {
                 config.robot_controller.clone(),
                 Draws::new(Stream::RobotController, seed, index),
             ),
-            drive: GripperDrive::of_kind(config.gripper, gripper, gripper.max_width_m, &mut gripper_draws),
+            drive: GripperDrive::new(config.gripper, gripper, gripper.max_width_m, &mut gripper_draws),
             sensors: Sensors::new(config, cameras, seed, index),
             conditions,
             true_robot,
@@ -104,7 +105,8 @@ impl Arena {
             has_sensed: false,
             has_triggered: false,
             path: release.path.clone().map(|path| (path, 0.0)),
-            disturbance: None,
+            disturb_after_s: None,
+            disturb_from_s: None,
             truth: Truth::default(),
         };
         arena.truth.conditions = Some(ThrowConditions {
@@ -123,7 +125,7 @@ impl Arena {
             gripper_mount: X_MG.into(),
             gripper_phase_s: self.drive.phase_s(),
             cameras: self.sensors.camera_poses(),
-            hole_fraction: self.sensors.hole_fraction(),
+            hole_fraction: self.sensors.cameras.hole_fraction(),
         }
     }
 
@@ -146,7 +148,7 @@ impl Arena {
     pub fn take_truth(&mut self) -> Truth {
         self.update_report();
         self.servo.take_report();
-        self.disturbance = None;
+        (self.disturb_after_s, self.disturb_from_s) = (None, None);
         let (last, conditions) = (self.truth.samples.last().copied(), self.truth.conditions.clone());
         std::mem::replace(
             &mut self.truth,
@@ -181,7 +183,7 @@ impl Arena {
     /// Starts the disturbance, a vibration of the world along (1, 1, 1), `after_s` after the first contact
     /// with the gripper.
     pub fn disturb_after_contact(&mut self, after_s: f64) {
-        self.disturbance = Some(Disturbance::after_contact(after_s));
+        (self.disturb_after_s, self.disturb_from_s) = (Some(after_s), None);
     }
 
     /// Takes note of the first contact with the gripper; `time_s` is the end of its step.
@@ -189,12 +191,9 @@ impl Arena {
         if !forces.contact.gripper() {
             return;
         }
-        if self.truth.before_contact.is_none() {
-            self.truth.before_contact = Some(self.servo.report().into());
-        }
-        if let Some(disturbance) = &mut self.disturbance {
-            disturbance.note_contact(time_s);
-        }
+        self.truth.before_contact.get_or_insert_with(|| self.servo.report().into());
+        let from_s = self.disturb_after_s.map(|after_s| time_s + after_s);
+        self.disturb_from_s = self.disturb_from_s.or(from_s);
     }
 
     /// Acts like [`Cell::act`], but the command arrives `delay_s` from now: the time to compute it.
@@ -211,25 +210,24 @@ impl Arena {
 
     /// Hands over the commands that have arrived, in the order in which they were sent.
     fn deliver(&mut self) {
-        let now_s = self.time_s() + 1e-9;
-        let (arrived, under_way) =
-            std::mem::take(&mut self.under_way).into_iter().partition(|(at_s, _)| *at_s <= now_s);
-        self.under_way = under_way;
-        for (at_s, command) in arrived {
+        let (now_s, trigger) = (self.time_s() + 1e-9, self.config().gripper_trigger);
+        for (at_s, command) in self.under_way.extract_if(.., |(at_s, _)| *at_s <= now_s) {
             if let Some(trajectory) = command.arm {
                 self.servo.receive(&trajectory, at_s);
             }
-            if let (Some(moves), GripperTrigger::Command) = (command.gripper, self.config().gripper_trigger) {
+            if let (Some(moves), GripperTrigger::Command) = (command.gripper, trigger) {
                 self.drive.receive(&moves, at_s);
             }
-            self.sensors.set_windows(command.windows);
+            self.sensors.windows = command.windows;
         }
     }
 
     /// Gravity, and the shaking if there is any.
     fn gravity(&self) -> Vector3<f64> {
-        let since_s = self.truth.disturbed_since_s.map(|since_s| self.time_s() - since_s);
-        dynamics::gravity() + since_s.map_or_else(Vector3::zeros, disturbance::acceleration_mps2)
+        let shaking = self.truth.disturbed_since_s.map_or(0.0, |since_s| {
+            DISTURBANCE_MPS2 * libm::sin(TAU * DISTURBANCE_HZ * (self.time_s() - since_s)) / 3.0f64.sqrt()
+        });
+        dynamics::gravity() + Vector3::repeat(shaking)
     }
 
     /// Closes the fingers for good once the sensor in the gripper, if there is one, sees the object.
@@ -277,20 +275,18 @@ impl Arena {
         self.deliver();
         let (now_s, step_s) = (self.time_s(), self.config().step_s);
         self.trigger(now_s);
-        if self.disturbance.is_some_and(|it| it.has_begun(now_s)) {
+        if self.disturb_from_s.is_some_and(|from_s| now_s >= from_s - 1e-9) {
             self.truth.disturbed_since_s.get_or_insert(now_s);
         }
         let before = self.state;
         let (q, dq) = self.encoders.sensed();
         let torque = self.servo.torque(now_s, step_s, &q, &dq);
-        let Shared { body, object, .. } = &*self.equipment.shared;
-        let (X_WC, V_WC) = carried((&before.X_WO, &before.V_WO), &object.com_O.coords);
-        let air = Air::in_step(body, &self.conditions, (&X_WC, &V_WC), step_s);
+        let (air_n, air_nm) = free_flight::air(&self.world.object, &self.conditions, step_s);
         let loads = Loads {
             torque,
             finger_force_n: self.drive.forces(now_s, before.finger_m, before.finger_mps),
-            object_force_n: air.acceleration_mps2 * object.mass_kg,
-            object_torque_nm: self.spin_friction() + air.torque_nm,
+            object_force_n: air_n,
+            object_torque_nm: self.spin_friction() + air_nm,
             gravity: self.gravity(),
         };
         self.steps += 1;
@@ -319,10 +315,8 @@ impl Arena {
         if !self.sensors.are_due(now_s, at_observation) {
             return;
         }
-        let state = &self.state;
-        let X_WL = self.link_poses(&state.q);
-        let width_m = state.finger_m[0] + state.finger_m[1];
-        let scene = Scene { capture_s: now_s, X_WL: &X_WL, width_m, X_WO: &state.X_WO };
+        let WorldState { q, finger_m, X_WO, .. } = self.state;
+        let scene = Scene { capture_s: now_s, X_WL: self.link_poses(&q), width_m: finger_m[0] + finger_m[1], X_WO };
         self.sensors.expose(&self.equipment.shared.renderer, &scene, at_observation);
     }
 
@@ -332,7 +326,7 @@ impl Arena {
         let now_s = self.time_s();
         let recorded = self.path.as_ref().filter(|_| untouched).and_then(|(path, since_s)| path.at(now_s - since_s));
         match recorded {
-            Some(recorded) => self.world.follow(&recorded),
+            Some(recorded) => self.world.object.follow(&recorded),
             None => self.path = None,
         }
     }

@@ -3,10 +3,11 @@
 use catch_body::TriangleMesh;
 use nalgebra::Point3;
 use parry3d_f64::{
-    math::Vector,
     shape::ConvexPolyhedron,
     transformation::vhacd::{VHACD, VHACDParameters},
 };
+
+use crate::convert::{from_vector, to_vectors};
 
 /// A solid whose convex hull has at most this times its volume collides as that.
 const NEARLY_CONVEX: f64 = 1.02;
@@ -25,7 +26,7 @@ pub(crate) fn convex_parts(mesh: &TriangleMesh) -> Vec<Vec<Point3<f64>>> {
     let points = to_vectors(&mesh.vertices);
     let pieces = VHACD::decompose(&parameters, &points, &mesh.triangles, true)
         .compute_exact_convex_hulls(&points, &mesh.triangles);
-    let parts = pieces.into_iter().map(|(points, _)| points.iter().map(|it| Point3::new(it.x, it.y, it.z)).collect());
+    let parts = pieces.into_iter().map(|(points, _)| points.iter().map(|it| from_vector(*it).into()).collect());
     let parts: Vec<Vec<Point3<f64>>> = parts.filter(|points: &Vec<_>| hull_volume_m3(points) > 0.0).collect();
     if parts.is_empty() { hull() } else { parts }
 }
@@ -36,7 +37,7 @@ pub(crate) fn hull_volume_m3(points: &[Point3<f64>]) -> f64 {
 }
 
 /// Area of the convex hull of points; zero where they span no volume.
-pub(crate) fn hull_area_m2(points: &[Point3<f64>]) -> f64 {
+pub fn hull_area_m2(points: &[Point3<f64>]) -> f64 {
     let area = |[a, b, c]: [Point3<f64>; 3]| (b - a).cross(&(c - a)).norm() / 2.0;
     hull(points).map_or(0.0, |it| it.all_corners().map(area).sum())
 }
@@ -44,12 +45,8 @@ pub(crate) fn hull_area_m2(points: &[Point3<f64>]) -> f64 {
 /// The surface of the convex hull of points; `None` where they span no volume.
 fn hull(points: &[Point3<f64>]) -> Option<TriangleMesh> {
     let (points, triangles) = ConvexPolyhedron::from_convex_hull(&to_vectors(points))?.to_trimesh();
-    let vertices = points.iter().map(|it| Point3::new(it.x, it.y, it.z)).collect();
+    let vertices = points.iter().map(|it| from_vector(*it).into()).collect();
     Some(TriangleMesh { vertices, triangles })
-}
-
-fn to_vectors(points: &[Point3<f64>]) -> Vec<Vector> {
-    points.iter().map(|point| Vector::new(point.x, point.y, point.z)).collect()
 }
 
 #[cfg(test)]

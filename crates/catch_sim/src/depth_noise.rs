@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::drawn::Drawn;
 
 /// Errors of the depth images. None by default, as in the paper.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DepthConfig {
     /// The errors of a pixel's depth.
@@ -41,21 +41,6 @@ pub struct DepthConfig {
     /// half a pixel where corners of pixels are taken for their centres, as in the authors' code.
     #[serde(deserialize_with = "quantity::error_px")]
     pub pixel_shift_px: f64,
-}
-
-impl Default for DepthConfig {
-    fn default() -> Self {
-        Self {
-            model: DepthModel::default(),
-            lost_frame_fraction: 0.0,
-            lost_frame_persistence: 0.0,
-            hole_fraction: Drawn::Always(0.0),
-            step_m: 0.0,
-            calibration_sd_m: 0.0,
-            calibration_sd_rad: 0.0,
-            pixel_shift_px: 0.0,
-        }
-    }
 }
 
 impl DepthConfig {
@@ -169,16 +154,6 @@ impl DepthModel {
     pub fn stereo(&self) -> Option<&StereoNoise> {
         if let Self::Stereo(noise) = self { Some(noise) } else { None }
     }
-
-    /// Standard deviation of a depth `z_m`, measured by a camera with this focal length, in metres. For
-    /// stereo to first order in the disparity's error.
-    pub fn sd_m(&self, z_m: f64, focal_px: f64) -> f64 {
-        match self {
-            Self::Perfect => 0.0,
-            Self::Gaussian(noise) => noise.sd_m,
-            Self::Stereo(stereo) => stereo.inverse_depth_sd_per_m(focal_px) * z_m * z_m,
-        }
-    }
 }
 
 impl DepthConfig {
@@ -187,7 +162,6 @@ impl DepthConfig {
     /// # Errors
     /// Ranges whose ends are swapped, fractions whose sum is above one.
     pub fn check(&self, file: &str, table: &str) -> Result<(), InputError> {
-        self.hole_fraction.check(&quantity::FRACTION, file, &format!("{table}.hole_fraction"))?;
         let DepthModel::Stereo(noise) = &self.model else { return Ok(()) };
         let field = |name: &str| format!("{table}.model.stereo.{name}");
         let rising = |name: &str, values: Option<[f64; 2]>| match values {
@@ -225,12 +199,11 @@ mod tests {
         }
     }
 
-    /// The usual figure of stereo cameras: 114 mm at 7 m.
+    /// σ(z) = z²·σ(1/z).
     #[test]
-    fn stereo_errs_by_the_square_of_the_distance() {
-        let stereo = DepthModel::Stereo(StereoNoise::default());
-        assert!((stereo.sd_m(7.0, 362.0) - 0.114).abs() < 1e-4);
-        assert!((stereo.sd_m(3.5, 362.0) - 0.114 / 4.0).abs() < 1e-4);
+    fn the_usual_stereo_camera_errs_by_114_mm_at_7_m() {
+        let sd_m = 7.0 * 7.0 * StereoNoise::default().inverse_depth_sd_per_m(362.0);
+        assert!((sd_m - 0.114).abs() < 1e-4, "{sd_m}");
     }
 
     #[derive(Deserialize)]

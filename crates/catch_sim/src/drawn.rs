@@ -1,9 +1,6 @@
 //! Numbers that may be drawn at random.
 
-use catch_body::{
-    InputError,
-    quantity::{self, Numbers, Quantity},
-};
+use catch_body::quantity::{Numbers, Quantity};
 use serde::{
     Deserialize, Deserializer, Serialize,
     de::{Error, Unexpected},
@@ -29,9 +26,9 @@ pub struct Between {
     pub max: f64,
 }
 
-impl From<f64> for Drawn {
-    fn from(value: f64) -> Self {
-        Self::Always(value)
+impl Default for Drawn {
+    fn default() -> Self {
+        Self::Always(0.0)
     }
 }
 
@@ -44,26 +41,6 @@ impl Drawn {
         }
     }
 
-    /// Checks that this can be a friction coefficient.
-    ///
-    /// # Errors
-    /// If it is out of the range of friction coefficients.
-    pub fn check_friction(self, file: &str, field: &str) -> Result<(), InputError> {
-        self.check(&quantity::FRICTION, file, field)
-    }
-
-    /// Checks that this is within a range.
-    ///
-    /// # Errors
-    /// If a value is out of the range, or if the ends are swapped.
-    pub fn check(self, range: &Quantity, file: &str, field: &str) -> Result<(), InputError> {
-        let [least, most] = self.bounds();
-        range.check(file, field, least)?;
-        range.check(file, field, most)?;
-        let expected = "a min that is not above the max";
-        if least > most { Err(InputError::new(file, field, least, expected)) } else { Ok(()) }
-    }
-
     /// The number that `unit`, from 0 to 1, stands for.
     pub(crate) fn at(self, unit: f64) -> f64 {
         let [least, most] = self.bounds();
@@ -74,9 +51,36 @@ impl Drawn {
 impl<'de> Numbers<'de> for Drawn {
     fn within<D: Deserializer<'de>>(range: Quantity, from: D) -> Result<Self, D::Error> {
         let value = Self::deserialize(from)?;
-        match value.bounds().into_iter().find(|it| !range.contains(*it)) {
+        let ends @ [least, most] = value.bounds();
+        match ends.into_iter().find(|it| !range.contains(*it)) {
             Some(found) => Err(D::Error::invalid_value(Unexpected::Float(found), &range)),
+            None if least > most => {
+                let expected = format!("{most} or less: not above the max");
+                Err(D::Error::invalid_value(Unexpected::Float(least), &expected.as_str()))
+            }
             None => Ok(value),
         }
+    }
+}
+
+/// A range of numbers, the lower end first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Span(pub [f64; 2]);
+
+impl Span {
+    /// The range times a factor above zero.
+    pub(crate) fn scaled(self, by: f64) -> Self {
+        Self(self.0.map(|end| end * by))
+    }
+}
+
+impl<'de> Numbers<'de> for Span {
+    fn within<D: Deserializer<'de>>(range: Quantity, from: D) -> Result<Self, D::Error> {
+        let ends @ [low, high] = <[f64; 2]>::within(range, from)?;
+        if low <= high {
+            return Ok(Self(ends));
+        }
+        let found = format!("[{low}, {high}]");
+        Err(D::Error::invalid_value(Unexpected::Other(&found), &"a range, its lower end first"))
     }
 }

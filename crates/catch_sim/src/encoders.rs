@@ -33,11 +33,6 @@ impl Encoders {
         Self { sd_rad, step_rad, joints, draws, q: *q, dq: JointVector::zeros() }
     }
 
-    /// Returns whether they give the true positions and velocities without delay.
-    fn are_ideal(&self) -> bool {
-        self.sd_rad == 0.0 && self.step_rad == 0.0
-    }
-
     /// Positions and velocities of now as the controller knows them.
     pub fn sensed(&self) -> (JointVector, JointVector) {
         (self.q, self.dq)
@@ -53,7 +48,7 @@ impl Encoders {
         asked_radps2: &JointVector,
         cycle_s: f64,
     ) {
-        if self.are_ideal() {
+        if self.sd_rad == 0.0 && self.step_rad == 0.0 {
             (self.q, self.dq) = (*ended.0, *ended.1);
             return;
         }

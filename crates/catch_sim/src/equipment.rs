@@ -5,7 +5,7 @@ use std::sync::Arc;
 use catch_body::{Gripper, JointVector, Robot, clearance::ArmClearance};
 use catch_cell::CameraModel;
 
-use crate::{cameras::Renderer, config::ArenaConfig, object::ThrownObject, physics::FreeBody, throw::Release};
+use crate::{cameras::Renderer, config::ArenaConfig, object::ThrownObject, throw::Release};
 
 /// Arm, gripper, cameras and the object to be thrown, prepared once for any number of throws. Clones share
 /// it.
@@ -24,8 +24,6 @@ pub(crate) struct Shared {
     pub robot_with_gripper: Robot,
     pub gripper: Gripper,
     pub object: ThrownObject,
-    /// The object without contacts.
-    pub body: FreeBody,
     pub renderer: Renderer,
     /// Cameras as calibrated.
     pub cameras: Vec<CameraModel>,
@@ -53,11 +51,11 @@ impl Equipment {
             config,
             robot,
             gripper,
-            body: FreeBody::of(&object),
             object,
         };
         Self { shared: Arc::new(shared) }
     }
+
     /// Returns whether a released object is farther from floor, obstacles and the arm at `q` than it is
     /// large; quick, and `false` for some that are clear of them all the same.
     pub fn has_in_the_open(&self, release: &Release, q: &JointVector) -> bool {

@@ -31,17 +31,15 @@ pub struct Gains {
 }
 
 impl Gains {
-    /// Gains as stiff as a controller at 1 kHz may have with fingers of 50 g: it follows within a
-    /// millisecond, and a finger that is stopped by an object presses with all its force 2 ms later.
-    pub const IDEAL: Self = Self { stiffness_npm: 10_000.0, damping_nspm: 40.0 };
-
     /// Gains of the authors' code.
     pub const PUBLISHED: Self = Self { stiffness_npm: 2500.0, damping_nspm: 20.0 };
 
-    /// Ideal gains for fingers of this mass: gains that are stable for 50 g are unstable at 1 kHz for 15 g.
+    /// Gains as stiff as a controller at 1 kHz may have with fingers of 50 g: it follows within a
+    /// millisecond, and a finger that is stopped by an object presses with all its force 2 ms later. Lighter
+    /// fingers have less: with the same gains they would be unstable.
     fn ideal(finger_mass_kg: f64) -> Self {
         let lighter = (finger_mass_kg / 0.05).min(1.0);
-        Self { stiffness_npm: Self::IDEAL.stiffness_npm * lighter, damping_nspm: Self::IDEAL.damping_nspm * lighter }
+        Self { stiffness_npm: 10_000.0 * lighter, damping_nspm: 40.0 * lighter }
     }
 
     /// Critically damped, at the natural frequency ω in rad/s, for a finger with its fraction of the drive: k
@@ -54,7 +52,8 @@ impl Gains {
 /// Executes gripper moves.
 #[derive(Debug, Clone)]
 pub struct GripperDrive {
-    gains: Gains,
+    /// Gains of its controllers.
+    pub gains: Gains,
     gripper: Gripper,
     max_force_n: f64,
     active: ActiveMove,
@@ -84,52 +83,33 @@ enum Law {
 }
 
 impl GripperDrive {
-    /// The ideal drive; it holds the fingers `width_m` apart.
-    pub fn new(gripper: &Gripper, width_m: f64) -> Self {
-        Self::with_gains(gripper, width_m, Gains::ideal(gripper.finger_mass_kg))
-    }
-
-    /// An ideal drive with a controller of its own.
-    pub fn with_gains(gripper: &Gripper, width_m: f64, gains: Gains) -> Self {
-        let order =
-            GripperMove { start_s: 0.0, width_m, speed_mps: gripper.max_speed_mps, force_n: gripper.max_force_n };
-        Self {
+    /// The drive that a scenario names; it holds the fingers `width_m` apart. `draws` decide where in its
+    /// cycle a real one stands at t = 0.
+    pub fn new(kind: GripperDriveKind, gripper: &Gripper, width_m: f64, draws: &mut Draws) -> Self {
+        let Gripper { max_speed_mps, max_force_n, finger_mass_kg, .. } = *gripper;
+        let (gains, max_force_n, law) = match kind {
+            GripperDriveKind::Ideal => (Gains::ideal(finger_mass_kg), max_force_n, Law::Ideal),
+            GripperDriveKind::Real => {
+                let mass_kg = finger_mass_kg + DRIVE_MASS_KG;
+                let interface = Interface::new(gripper, width_m, draws.unit());
+                let law = Law::Real(interface, Ramp::new(gripper, width_m, mass_kg));
+                (Gains::critical(mass_kg, interface::BANDWIDTH_RADPS), max_force_n, law)
+            }
+            GripperDriveKind::Position => (Gains::PUBLISHED, PUBLISHED_FORCE_N, Law::Position),
+        };
+        let order = GripperMove { start_s: 0.0, width_m, speed_mps: max_speed_mps, force_n: max_force_n };
+        let mut drive = Self {
             gains,
             gripper: gripper.clone(),
-            max_force_n: gripper.max_force_n,
+            max_force_n,
             active: ActiveMove { order, from_m: width_m, since_s: 0.0 },
             queue: GripperQueue::default(),
             squeeze_n: 0.0,
             watch: GraspWatch::default(),
-            law: Law::Ideal,
-        }
-    }
-
-    /// The drive that the gripper's file describes; `draws` decide where in its cycle it stands at t = 0.
-    pub fn real(gripper: &Gripper, width_m: f64, draws: &mut Draws) -> Self {
-        let mass_kg = gripper.finger_mass_kg + DRIVE_MASS_KG;
-        let gains = Gains::critical(mass_kg, interface::BANDWIDTH_RADPS);
-        let interface = Interface::new(gripper, width_m, draws.unit());
-        let law = Law::Real(interface, Ramp::new(gripper, width_m, mass_kg));
-        Self { law, ..Self::with_gains(gripper, width_m, gains) }
-    }
-
-    /// A controller for each finger that knows no limit of speed.
-    pub fn position(gripper: &Gripper, width_m: f64) -> Self {
-        let mut drive = Self::with_gains(gripper, width_m, Gains::PUBLISHED);
-        drive.law = Law::Position;
-        drive.max_force_n = PUBLISHED_FORCE_N;
-        drive.active.order = drive.as_driven(drive.active.order);
+            law,
+        };
+        drive.active.order = drive.as_driven(order);
         drive
-    }
-
-    /// The drive that a scenario names.
-    pub fn of_kind(kind: GripperDriveKind, gripper: &Gripper, width_m: f64, draws: &mut Draws) -> Self {
-        match kind {
-            GripperDriveKind::Ideal => Self::new(gripper, width_m),
-            GripperDriveKind::Real => Self::real(gripper, width_m, draws),
-            GripperDriveKind::Position => Self::position(gripper, width_m),
-        }
     }
 
     /// Moves that were rejected because a number was not finite, or speed or force not above zero.
@@ -145,7 +125,7 @@ impl GripperDrive {
     /// Time of the first cycle of the drive's connection, in seconds on the cell's clock; `None` for a drive
     /// without one.
     pub fn phase_s(&self) -> Option<f64> {
-        if let Law::Real(interface, _) = &self.law { Some(interface.phase_s()) } else { None }
+        if let Law::Real(interface, _) = &self.law { Some(interface.phase_s) } else { None }
     }
 
     /// Replaces all moves that have not started at `now_s`. One that should have started begins at once.
@@ -218,14 +198,14 @@ impl GripperDrive {
     }
 
     fn live_state(&self, width_m: f64, speed_mps: f64) -> GripperState {
-        GripperState { width_m, speed_mps, force_n: self.squeeze_n, grasp: self.watch.state() }
+        GripperState { width_m, speed_mps, force_n: self.squeeze_n, grasp: self.watch.state }
     }
 
     /// State that the gripper reports.
     pub fn state(&self, finger_m: [f64; 2], finger_mps: [f64; 2]) -> GripperState {
         match &self.law {
             Law::Ideal | Law::Position => self.live_state(finger_m[0] + finger_m[1], finger_mps[0] + finger_mps[1]),
-            Law::Real(interface, _) => interface.reported(),
+            Law::Real(interface, _) => interface.reported,
         }
     }
 }

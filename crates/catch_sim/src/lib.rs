@@ -34,6 +34,7 @@ pub mod camera_faults;
 pub mod cameras;
 pub mod conditions;
 pub mod config;
+mod convert;
 mod convex_parts;
 pub mod depth_noise;
 pub mod drawn;

@@ -7,12 +7,14 @@ use catch_body::{InputError, TriangleMesh, quantity, shape::Cuboid};
 use nalgebra::{Matrix3, Point3};
 use serde::{Deserialize, de::IgnoredAny};
 
-pub use crate::object_shape::{ColliderPart, check_length};
 use crate::{
     config::Drawn,
     object_shape::{ShapeFields, Solid},
 };
-pub use published::PublishedBody;
+pub use crate::{
+    convex_parts::hull_area_m2,
+    object_shape::{ColliderPart, check_length},
+};
 use published::PublishedFields;
 
 /// Physical properties of an object. Its frame O has its origin at the centre of mass and the axes of its
@@ -30,8 +32,8 @@ pub struct ThrownObject {
     /// The point in O that sensors and the paper's measure take for the object's place: the origin, unless it
     /// has the frame of the paper's simulator.
     pub origin_O: Point3<f64>,
-    /// Body of the object in the paper's simulator, if its file has one.
-    pub published: Option<PublishedBody>,
+    /// The object as it is in the paper's simulator, if its file says so.
+    pub as_published: Option<Box<Self>>,
     /// Coefficient of restitution: speed after an impact over speed before.
     pub restitution: f64,
     /// Drag constant k of a = −k·|v|·v, in 1/m.
@@ -88,6 +90,7 @@ struct TruthFields {
     inertia_kgm2: Option<[f64; 6]>,
     /// Coulomb friction coefficient, a number or `{ min, max }` from which every throw draws; the scenario's
     /// otherwise.
+    #[serde(default, deserialize_with = "quantity::friction")]
     friction: Option<Drawn>,
     /// Stiffness of a soft surface under a finger, whose patch resists the rotation about the normal.
     #[serde(default, deserialize_with = "quantity::stiffness_npm")]
@@ -109,9 +112,6 @@ impl ThrownObject {
     ) -> Result<Self, InputError> {
         let ObjectFile { name, truth, published, _known } = InputError::parse_toml(file, text)?;
         let mass_kg = truth.mass_kg;
-        if let Some(friction) = truth.friction {
-            friction.check_friction(file, "truth.friction")?;
-        }
         let Solid { mesh, parts, mut inertia } = truth.shape.solid(file, mass_kg, load)?;
         if let Some(com_m) = truth.com_m {
             inertia.com = checked_com(file, com_m, &mesh.aabb())?;
@@ -119,17 +119,16 @@ impl ThrownObject {
         if let Some(moments) = truth.inertia_kgm2 {
             inertia.about_com = checked_inertia(file, moments, mass_kg, mesh.aabb().size.norm())?;
         }
-        let published = published.map(|it| it.body(file, mass_kg, load)).transpose()?;
         let to_com = -inertia.com.coords;
         let mesh = mesh.translated(&to_com);
         let parts = parts.into_iter().map(|part| part.translated(&to_com)).collect();
-        Ok(Self {
+        let mut object = Self {
             name,
             mass_kg,
             inertia_kgm2: inertia.about_com,
             com_O: Point3::origin(),
             origin_O: Point3::origin(),
-            published,
+            as_published: None,
             restitution: truth.restitution,
             drag_per_m: truth.drag_per_m,
             friction: truth.friction,
@@ -137,7 +136,10 @@ impl ThrownObject {
             bounding_radius_m: mesh.bounding_radius(),
             mesh,
             parts,
-        })
+        };
+        let published = published.map(|it| it.of(&object, file, load)).transpose()?;
+        object.as_published = published.map(Box::new);
+        Ok(object)
     }
 
     /// The largest torque in N·m with which a finger that presses with `force_n` resists the object's

@@ -13,7 +13,7 @@ use catch_body::{
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::convex_parts::{convex_parts, hull_area_m2, hull_volume_m3};
+use crate::convex_parts::{convex_parts, hull_volume_m3};
 
 /// Flat strips around a solid of revolution or a tube: at 32 a radius of 25 mm is 0.12 mm short between them.
 const SEGMENTS: u32 = 32;
@@ -50,14 +50,6 @@ impl ColliderPart {
         match self {
             Self::Ball { radius_m, .. } => 4.0 / 3.0 * std::f64::consts::PI * radius_m.powi(3),
             Self::Hull(points) => hull_volume_m3(points),
-        }
-    }
-
-    /// Area of its surface in m²; zero for points that span no volume.
-    pub fn surface_m2(&self) -> f64 {
-        match self {
-            Self::Ball { radius_m, .. } => 4.0 * std::f64::consts::PI * radius_m.powi(2),
-            Self::Hull(points) => hull_area_m2(points),
         }
     }
 }
@@ -129,35 +121,43 @@ pub(crate) struct Solid {
 impl ShapeFields {
     /// Works the shape out at a mass. Density is uniform but for a hollow ball.
     pub fn solid(&self, file: &str, mass_kg: f64, load: Load) -> Result<Solid, InputError> {
-        match self {
-            Self::Ball { diameter_m, hollow } => {
+        let (mesh, parts) = match self {
+            Self::Ball { diameter_m, .. } => {
                 let radius_m = *diameter_m / 2.0;
-                // 2/3·m·r² for a spherical shell, 2/5·m·r² for a solid ball.
-                let fraction = if *hollow { 2.0 / 3.0 } else { 2.0 / 5.0 };
-                let about_com = Matrix3::identity() * (fraction * mass_kg * radius_m * radius_m);
-                Ok(Solid {
-                    mesh: of_thrown_size(file, TriangleMesh::sphere(radius_m, BALL_SUBDIVISIONS))?,
-                    parts: vec![ColliderPart::Ball { centre: Point3::origin(), radius_m }],
-                    inertia: Inertia { mass: mass_kg, com: Point3::origin(), about_com },
-                })
+                let ball = ColliderPart::Ball { centre: Point3::origin(), radius_m };
+                (TriangleMesh::sphere(radius_m, BALL_SUBDIVISIONS), vec![ball])
             }
-            Self::Revolution { profile_m } => revolution(file, mass_kg, profile_m),
+            Self::Revolution { profile_m } => revolution(file, profile_m)?,
             Self::BentTube { arc_radius_m, arc_angle_deg, radii_m } => {
-                bent_tube(file, mass_kg, *arc_radius_m, *arc_angle_deg, radii_m)
+                tube(&bent_rings(file, *arc_radius_m, *arc_angle_deg, radii_m)?)
             }
-            Self::Tube { curve_m } => curved_tube(file, mass_kg, curve_m),
+            Self::Tube { curve_m } => tube(&curved_rings(file, curve_m)?),
             Self::Mesh { file: mesh_file, parts, scale } => {
-                let mesh = of_thrown_size(file, mesh_from_bytes(mesh_file, &load(mesh_file)?, *scale)?)?;
+                let mesh = mesh_from_bytes(mesh_file, &load(mesh_file)?, *scale)?;
+                check_size(file, &mesh)?;
                 let parts = if parts.is_empty() {
                     convex_parts(&mesh).into_iter().map(ColliderPart::Hull).collect()
                 } else {
                     named_parts(parts, *scale, &mesh, load)?
                 };
-                Ok(Solid { inertia: mesh.mass_properties(mass_kg), parts, mesh })
+                (mesh, parts)
             }
+        };
+        check_size(file, &mesh)?;
+        let mut inertia = mesh.mass_properties(mass_kg);
+        if let Self::Ball { diameter_m, hollow } = self {
+            // 2/3·m·r² for a spherical shell, 2/5·m·r² for a solid ball.
+            let fraction = if *hollow { 2.0 / 3.0 } else { 2.0 / 5.0 };
+            let radius_m = *diameter_m / 2.0;
+            let about_com = Matrix3::identity() * (fraction * mass_kg * radius_m * radius_m);
+            inertia = Inertia { mass: mass_kg, com: Point3::origin(), about_com };
         }
+        Ok(Solid { mesh, parts, inertia })
     }
 }
+
+/// Surface and convex parts of a shape.
+type Surface = (TriangleMesh, Vec<ColliderPart>);
 
 /// Most convex parts of an object.
 const MOST_PARTS: usize = 64;
@@ -190,17 +190,15 @@ pub fn check_length(file: &str, field: &str, length_m: f64, advice: &str) -> Res
     Err(InputError::new(file, field, format!("something {length_m:.digits$} m long"), expected))
 }
 
-/// A mesh of the size of something that is thrown. Its mass properties are worked out afterwards.
-fn of_thrown_size(file: &str, mesh: TriangleMesh) -> Result<TriangleMesh, InputError> {
-    let length_m = mesh.aabb().size.max();
+/// Checks that a mesh has the size of something that is thrown, before its mass properties are worked out.
+fn check_size(file: &str, mesh: &TriangleMesh) -> Result<(), InputError> {
+    let (length_m, volume_m3) = (mesh.aabb().size.max(), mesh.volume());
     check_length(file, "truth.shape", length_m, "a mesh in millimetres needs `scale = 0.001`")?;
-    let volume_m3 = mesh.volume();
     if volume_m3 > LEAST_FILLING * length_m.powi(3) {
-        Ok(mesh)
-    } else {
-        let found = format!("{length_m:.3} m long with a volume of {volume_m3:.1e} m³");
-        Err(InputError::new(file, "truth.shape", found, "a solid that is thicker"))
+        return Ok(());
     }
+    let found = format!("{length_m:.3} m long with a volume of {volume_m3:.1e} m³");
+    Err(InputError::new(file, "truth.shape", found, "a solid that is thicker"))
 }
 
 /// The convex hulls of all groups of the `files`, which must lie where the mesh does.
@@ -244,7 +242,7 @@ fn list(values: &[impl std::fmt::Debug]) -> String {
     }
 }
 
-fn revolution(file: &str, mass_kg: f64, profile_m: &[[f64; 2]]) -> Result<Solid, InputError> {
+fn revolution(file: &str, profile_m: &[[f64; 2]]) -> Result<Surface, InputError> {
     let rising = profile_m.windows(2).all(|pair| pair[0][0] + LEAST_STEP_M <= pair[1][0]);
     let thick = profile_m.iter().all(|[_, r]| *r == 0.0 || *r >= LEAST_STEP_M);
     let is_solid = rising && thick && profile_m.iter().any(|[_, r]| *r > 0.0);
@@ -254,8 +252,6 @@ fn revolution(file: &str, mass_kg: f64, profile_m: &[[f64; 2]]) -> Result<Solid,
         );
         return Err(InputError::new(file, "truth.shape.profile_m", list(profile_m), expected));
     }
-    let mesh = of_thrown_size(file, TriangleMesh::revolution(profile_m, SEGMENTS))?;
-    let inertia = mesh.mass_properties(mass_kg);
     // A profile that bends inwards is cut there, so that each part is convex.
     let mut parts = Vec::new();
     let mut start = 0;
@@ -266,7 +262,7 @@ fn revolution(file: &str, mass_kg: f64, profile_m: &[[f64; 2]]) -> Result<Solid,
             start = i;
         }
     }
-    Ok(Solid { mesh, parts, inertia })
+    Ok((TriangleMesh::revolution(profile_m, SEGMENTS), parts))
 }
 
 /// Height of the middle of a flat end above its rim, in metres.
@@ -293,36 +289,24 @@ fn bends_inwards(points: &[[f64; 2]]) -> bool {
     (r1 - r0) * (z2 - z1) < (r2 - r1) * (z1 - z0) - 1e-12
 }
 
-fn bent_tube(
-    file: &str,
-    mass_kg: f64,
-    arc_radius_m: f64,
-    arc_angle_deg: f64,
-    radii_m: &[f64],
-) -> Result<Solid, InputError> {
+/// Rings of a tube along an arc.
+fn bent_rings(file: &str, arc_radius_m: f64, arc_angle_deg: f64, radii_m: &[f64]) -> Result<Vec<TubeRing>, InputError> {
     if !(2..=MOST_RINGS).contains(&radii_m.len()) || radii_m.iter().any(|&radius| radius >= arc_radius_m) {
         let expected = format!("2 to {MOST_RINGS} radii below arc_radius_m");
         return Err(InputError::new(file, "truth.shape.radii_m", list(radii_m), expected));
     }
     let angle = arc_angle_deg.to_radians();
-    let rings: Vec<TubeRing> = radii_m
-        .iter()
-        .enumerate()
-        .map(|(i, &radius)| {
-            let (sin, cos) = libm::sincos(angle * (i as f64 / (radii_m.len() - 1) as f64 - 0.5));
-            let outwards = Vector3::new(0.0, cos, sin);
-            TubeRing {
-                centre: (outwards * arc_radius_m).into(),
-                axes: [Vector3::x(), outwards],
-                semi_axes_m: [radius; 2],
-            }
-        })
-        .collect();
-    tube(file, mass_kg, &rings)
+    let ring = |(i, &radius): (usize, &f64)| {
+        let (sin, cos) = libm::sincos(angle * (i as f64 / (radii_m.len() - 1) as f64 - 0.5));
+        let outwards = Vector3::new(0.0, cos, sin);
+        let axes = [Vector3::x(), outwards];
+        TubeRing { centre: (outwards * arc_radius_m).into(), axes, semi_axes_m: [radius; 2] }
+    };
+    Ok(radii_m.iter().enumerate().map(ring).collect())
 }
 
-/// A tube whose rings are across its curve.
-fn curved_tube(file: &str, mass_kg: f64, curve_m: &[[f64; 3]]) -> Result<Solid, InputError> {
+/// Rings of a tube, which are across its curve.
+fn curved_rings(file: &str, curve_m: &[[f64; 3]]) -> Result<Vec<TubeRing>, InputError> {
     let expected =
         format!("2 to {MOST_RINGS} points (y, z, r) with radii of at least {LEAST_STEP_M} m, apart from each other");
     let fault = || InputError::new(file, "truth.shape.curve_m", format!("{curve_m:?}"), expected.clone());
@@ -336,13 +320,10 @@ fn curved_tube(file: &str, mass_kg: f64, curve_m: &[[f64; 3]]) -> Result<Solid, 
         let axes = [Vector3::x(), along.cross(&Vector3::x())];
         Some(TubeRing { centre: at(i).into(), axes, semi_axes_m: [curve_m[i][2]; 2] })
     };
-    let rings: Vec<TubeRing> = (0..=last).map(ring).collect::<Option<_>>().ok_or_else(fault)?;
-    tube(file, mass_kg, &rings)
+    (0..=last).map(ring).collect::<Option<_>>().ok_or_else(fault)
 }
 
-fn tube(file: &str, mass_kg: f64, rings: &[TubeRing]) -> Result<Solid, InputError> {
-    let mesh = of_thrown_size(file, TriangleMesh::tube(rings, SEGMENTS))?;
-    let inertia = mesh.mass_properties(mass_kg);
+fn tube(rings: &[TubeRing]) -> Surface {
     let parts = rings.windows(2).map(|pair| ColliderPart::Hull(TriangleMesh::tube(pair, SEGMENTS).vertices)).collect();
-    Ok(Solid { mesh, parts, inertia })
+    (TriangleMesh::tube(rings, SEGMENTS), parts)
 }

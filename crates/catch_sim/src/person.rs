@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use catch_body::{InputError, Pose, TriangleMesh, quantity, ray_cast::RayCaster, shape::Capsule};
+use catch_body::{Pose, TriangleMesh, quantity, ray_cast::RayCaster, shape::Capsule};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -32,17 +32,6 @@ pub struct PersonConfig {
     /// Walking speed, in m/s: a number, or `{ min, max }`.
     #[serde(deserialize_with = "quantity::drive_speed_mps")]
     pub speed_mps: Drawn,
-}
-
-impl PersonConfig {
-    /// Checks that ranges begin before they end.
-    ///
-    /// # Errors
-    /// If a range does not.
-    pub fn check(&self, file: &str, field: &str) -> Result<(), InputError> {
-        self.nearest_m.check(&quantity::DISTANCE_M, file, &format!("{field}.nearest_m"))?;
-        self.speed_mps.check(&quantity::DRIVE_SPEED_MPS, file, &format!("{field}.speed_mps"))
-    }
 }
 
 /// The person of a scene.
@@ -127,7 +116,7 @@ mod tests {
     fn person(index: u64) -> Person {
         let config = PersonConfig {
             nearest_m: Drawn::Between(crate::drawn::Between { min: 1.0, max: 2.0 }),
-            speed_mps: 1.2.into(),
+            speed_mps: Drawn::Always(1.2),
         };
         Person::new(&config, 3, index)
     }

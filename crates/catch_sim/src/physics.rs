@@ -8,38 +8,19 @@
 
 mod colliders;
 mod contacts;
-mod convert;
 mod free_motion;
 mod machine;
 mod restitution;
 mod spatial;
 
 use catch_body::{Gripper, JointVector, Pose, Robot, Twist};
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::{
-    object::ThrownObject,
-    throw::{RecordedState, Release},
-    truth::Contact,
-};
-use colliders::{Bodies, Body, Colliders, Touch};
+use crate::{object::ThrownObject, throw::Release, truth::Contact};
+use colliders::{Bodies, Body, Colliders};
 use contacts::{Contacts, Masses, Velocities};
-pub(crate) use free_motion::FreeBody;
+pub(crate) use free_motion::FlyingObject;
 use machine::{Coordinates, Machine, Posture, Stop};
-
-/// Mount of the gripper.
-#[derive(Debug, Clone, Copy)]
-pub enum Mount<'a> {
-    /// An arm that stands still in a pose.
-    Arm {
-        /// The arm, without the gripper's mass.
-        robot: &'a Robot,
-        /// Joint positions of the arm.
-        q: &'a JointVector,
-    },
-    /// Fixed mount: the pose of G in W.
-    Fixed(Pose),
-}
 
 /// Constants of the physics.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -111,9 +92,8 @@ pub struct ContactForces {
     pub finger_n: [f64; 2],
 }
 
-/// The body that a collider belongs to, as far as the referee cares; kept in the collider's user data.
+/// The body that a collider belongs to, as far as the referee cares.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
 enum Part {
     Object,
     LeftFinger,
@@ -148,25 +128,22 @@ pub struct World {
     settings: WorldSettings,
     machine: Machine,
     colliders: Colliders,
-    object: Object,
+    contacts: Contacts,
+    pub(crate) object: FlyingObject,
+    /// Stiffness of the object's surface, if it is soft.
+    stiffness_npm: Option<f64>,
     /// Contact forces of the last step.
     contact_forces: ContactForces,
 }
 
-/// Normal impulses on the object in a step, by what pushes, in N·s.
-#[derive(Default)]
-struct Impulses([f64; PARTS]);
+/// Normal impulses on the object in a step, by the part that pushes, in N·s.
+type Impulses = [f64; PARTS];
 
-impl Impulses {
-    fn add(&mut self, part: Part, impulse_ns: f64) {
-        self.0[part as usize] += impulse_ns;
-    }
-
-    /// Converts the impulses to forces over a step.
-    fn forces(&self, step_s: f64) -> ContactForces {
-        let impulse_ns = |part: Part| self.0[part as usize];
-        let touches = |part: Part| impulse_ns(part) > 0.0;
-        ContactForces {
+impl ContactForces {
+    /// Forces that impulses are over a step.
+    fn of(impulses: &Impulses, step_s: f64) -> Self {
+        let touches = |part: Part| impulses[part as usize] > 0.0;
+        Self {
             contact: Contact {
                 left_finger: touches(Part::LeftFinger),
                 right_finger: touches(Part::RightFinger),
@@ -174,58 +151,37 @@ impl Impulses {
                 arm: touches(Part::Arm),
                 floor: touches(Part::Floor),
                 obstacle: touches(Part::Obstacle),
-                peak_impulse_ns: self.0.iter().copied().fold(0.0, f64::max),
+                peak_impulse_ns: impulses.iter().copied().fold(0.0, f64::max),
             },
-            finger_n: [Part::LeftFinger, Part::RightFinger].map(|part| impulse_ns(part) / step_s),
+            finger_n: [Part::LeftFinger, Part::RightFinger].map(|part| impulses[part as usize] / step_s),
         }
     }
 }
 
-/// The object, and where its centre of mass C is; C has the axes of O.
-struct Object {
-    free: FreeBody,
-    com_O: Vector3<f64>,
-    stiffness_npm: Option<f64>,
-    X_WC: Pose,
-    V_WC: Twist,
-}
-
-impl Object {
-    fn released(object: &ThrownObject, release: &Release) -> Self {
-        let X_WO = Pose::from_parts(release.p_WO.into(), release.q_WO);
-        let V_WO = Twist { angular: release.omega_WO, linear: release.v_WO };
-        let com_O = object.com_O.coords;
-        let (X_WC, V_WC) = carried((&X_WO, &V_WO), &com_O);
-        Self { free: FreeBody::of(object), com_O, stiffness_npm: object.stiffness_npm, X_WC, V_WC }
-    }
-
-    /// Pose and velocity of O.
-    fn state(&self) -> (Pose, Twist) {
-        carried((&self.X_WC, &self.V_WC), &-self.com_O)
-    }
-
-    /// Moves as if nothing touched it.
-    fn fly(&mut self, loads: &Loads, step_s: f64) {
-        let wrench = (&loads.object_force_n, &loads.object_torque_nm);
-        (self.X_WC, self.V_WC) = self.free.advanced((&self.X_WC, &self.V_WC), &loads.gravity, wrench, step_s);
-    }
-}
-
 impl World {
-    /// A world at rest but for the object, which has just been released. The gripper is `width_m` open.
+    /// A world at rest but for the object, which has just been released. The arm comes without the gripper's
+    /// mass; one without joints is a mount that is fixed in the world. The gripper is `width_m` open.
     pub fn new(
         settings: WorldSettings,
-        mount: Mount,
+        (robot, q): (&Robot, &JointVector),
         gripper: &Gripper,
         width_m: f64,
         (object, release): (&ThrownObject, &Release),
     ) -> Self {
-        let machine = Machine::new(mount, gripper, settings.drive_mass_kg, width_m / 2.0);
-        let robot = if let Mount::Arm { robot, .. } = mount { Some(robot) } else { None };
+        let machine = Machine::new(robot, q, gripper, settings.drive_mass_kg, width_m / 2.0);
         let mut colliders = Colliders::new(&machine, robot, gripper);
         colliders.exchange_object(object);
-        let object = Object::released(object, release);
-        Self { settings, machine, colliders, object, contact_forces: ContactForces::default() }
+        let mut contacts = Contacts::default();
+        contacts.contacts.reserve(colliders.touches.capacity());
+        Self {
+            settings,
+            machine,
+            colliders,
+            contacts,
+            object: FlyingObject::released(object, release),
+            stiffness_npm: object.stiffness_npm,
+            contact_forces: ContactForces::default(),
+        }
     }
 
     /// Takes the object out and puts another one in, which has just been released. Friction and restitution
@@ -233,21 +189,18 @@ impl World {
     pub fn exchange_object(&mut self, object: &ThrownObject, release: &Release, friction: f64, restitution: f64) {
         (self.settings.friction, self.settings.restitution) = (friction, restitution);
         self.colliders.exchange_object(object);
-        self.object = Object::released(object, release);
+        (self.object, self.stiffness_npm) = (FlyingObject::released(object, release), object.stiffness_npm);
         self.contact_forces = ContactForces::default();
     }
 
     /// Lets one step pass and tells whether all went well. If not, something was no longer finite, and what
     /// follows means nothing.
     pub fn step(&mut self, loads: &Loads) -> bool {
-        self.try_step(loads).is_some() && self.state().is_measurable()
-    }
-
-    fn try_step(&mut self, loads: &Loads) -> Option<()> {
+        let WorldSettings { step_s, substeps, .. } = self.settings;
         let mut impulses = Impulses::default();
-        self.advance(loads, (self.settings.step_s, self.settings.substeps), &mut impulses)?;
-        self.contact_forces = impulses.forces(self.settings.step_s);
-        Some(())
+        let went_well = self.advance(loads, (step_s, substeps), &mut impulses).is_some();
+        self.contact_forces = ContactForces::of(&impulses, step_s);
+        went_well && self.state().is_measurable()
     }
 
     /// Lets `step_s` pass, in so many parts where something moves against something.
@@ -256,7 +209,8 @@ impl World {
         let forces = self.machine.joined(&loads.torque, loads.finger_force_n);
         let posture = self.machine.posture(&positions, step_s)?;
         let bodies = self.bodies(&posture);
-        let touches = self.colliders.touches(&bodies, step_s);
+        self.colliders.find_touches(&bodies, step_s);
+        let touches = &self.colliders.touches;
         if parts > 1 && touches.iter().any(|touch| bodies.relative_mps(touch) > AT_REST_MPS) {
             return (0..parts)
                 .try_for_each(|_| self.advance(loads, (step_s / parts as f64, 1), impulses).ok_or(()))
@@ -264,21 +218,21 @@ impl World {
         }
         let damping = self.machine.damping(&velocities);
         let acceleration_in = |posture: &Posture, velocities: &Coordinates| {
-            posture.answer(&(forces - damping - self.machine.bias_forces(posture, velocities, &loads.gravity)))
+            posture.factor.solve(&(forces - damping - self.machine.bias_forces(posture, velocities, &loads.gravity)))
         };
         // The midpoint rule.
         let halfway = velocities + acceleration_in(&posture, &velocities) * (step_s / 2.0);
         let half_posture = self.machine.posture(&(positions + velocities * (step_s / 2.0)), step_s)?;
         let acceleration = acceleration_in(&half_posture, &halfway);
         let stops = self.machine.stops(&acceleration, step_s);
-        if touches.is_empty() && stops.is_empty() {
+        if touches.is_empty() && stops.iter().all(Option::is_none) {
             self.machine.positions += halfway * step_s;
             self.machine.velocities += acceleration * step_s;
-            self.object.fly(loads, step_s);
+            self.object.fly(&loads.gravity, (&loads.object_force_n, &loads.object_torque_nm), step_s);
         } else {
             // The stops of the fingers alone are met in parts at no cost.
             let parts = if touches.is_empty() { self.settings.substeps } else { 1 };
-            self.step_in_contact(loads, (&posture, &acceleration), (touches, &stops), (step_s, parts), impulses);
+            self.step_in_contact(loads, (&posture, &acceleration), &stops, (step_s, parts), impulses);
         }
         Some(())
     }
@@ -288,32 +242,33 @@ impl World {
         &mut self,
         loads: &Loads,
         (posture, acceleration): (&Posture, &Coordinates),
-        met: (Vec<Touch>, &[Stop]),
+        stops: &[Option<Stop>],
         (step_s, parts): (f64, usize),
         impulses: &mut Impulses,
     ) {
         let WorldSettings { friction, restitution, .. } = self.settings;
         let part_s = step_s / parts as f64;
-        let Object { free, mut X_WC, V_WC, stiffness_npm, .. } = self.object;
+        let FlyingObject { body, mut X_WC, V_WC, .. } = self.object;
         let mut positions = self.machine.positions;
         let before = Velocities { machine: self.machine.velocities, linear: V_WC.linear, angular: V_WC.angular };
         let masses = Masses {
             machine: &self.machine,
             posture,
-            root_kg: free.mass_kg.sqrt(),
-            roots_W: free.roots_along(&X_WC.rotation),
+            root_kg: body.mass_kg.sqrt(),
+            roots_W: body.roots_along(&X_WC.rotation),
             p_WC: X_WC.translation.vector,
         };
-        let mut contacts = Contacts::new(&masses, met, (friction, stiffness_npm), part_s);
-        let linear = loads.gravity + loads.object_force_n / free.mass_kg;
+        let contacts = &mut self.contacts;
+        contacts.begin(&masses, (&self.colliders.touches, stops), (friction, self.stiffness_npm), part_s);
+        let linear = loads.gravity + loads.object_force_n / body.mass_kg;
         let q_WC = X_WC.rotation;
-        let mut momentum = free.momentum(&q_WC, &V_WC.angular);
+        let mut momentum = body.momentum(&q_WC, &V_WC.angular);
         let mut now = before;
         for _ in 0..parts {
             now.machine += acceleration * part_s;
             now.linear += linear * part_s;
             momentum += loads.object_torque_nm * part_s;
-            now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
+            now.angular = body.angular_velocity(&X_WC.rotation, &momentum);
             let unpushed = now.angular;
             contacts.advance(&masses, &mut now, |now| {
                 positions += now.machine * part_s;
@@ -321,23 +276,23 @@ impl World {
                 X_WC.rotation = UnitQuaternion::from_scaled_axis(now.angular * part_s) * X_WC.rotation;
             });
             // Contacts stay where they were when the step began, and answer by the inertia of then.
-            momentum += free.momentum(&q_WC, &(now.angular - unpushed));
+            momentum += body.momentum(&q_WC, &(now.angular - unpushed));
         }
-        now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
-        let contacts = contacts.contacts;
+        now.angular = body.angular_velocity(&X_WC.rotation, &momentum);
+        let contacts = &mut contacts.contacts;
         let of_object = || contacts.iter().filter(|it| it.touch.pushed == Body::Object);
-        if of_object().any(|it| it.pushed_ns() > 0.0) {
-            of_object().for_each(|it| impulses.add(it.touch.part, it.pushed_ns()));
+        if of_object().any(|it| it.normal.total_ns > 0.0) {
+            of_object().for_each(|it| impulses[it.touch.part as usize] += it.normal.total_ns);
             let unpushed = now.angular;
-            restitution::let_rebound(&masses, of_object(), restitution, (&before, &mut now), impulses);
-            momentum += free.momentum(&q_WC, &(now.angular - unpushed));
-            now.angular = free.angular_velocity(&X_WC.rotation, &momentum);
+            restitution::let_rebound(&masses, contacts, restitution, (&before, &mut now), impulses);
+            momentum += body.momentum(&q_WC, &(now.angular - unpushed));
+            now.angular = body.angular_velocity(&X_WC.rotation, &momentum);
             (self.object.X_WC, self.object.V_WC) = (X_WC, Twist { angular: now.angular, linear: now.linear });
         } else {
-            self.object.fly(loads, step_s);
+            self.object.fly(&loads.gravity, (&loads.object_force_n, &loads.object_torque_nm), step_s);
         }
         (self.machine.positions, self.machine.velocities) = (positions, now.machine);
-        for contact in &contacts {
+        for contact in contacts {
             self.colliders.keep_load(&contact.touch, contact.load(part_s));
         }
     }
@@ -354,23 +309,6 @@ impl World {
         self.colliders.nearest_to_object(&self.bodies(&posture))
     }
 
-    /// Moves the object to where its centre of mass is recorded to be.
-    pub(crate) fn follow(&mut self, recorded: &RecordedState) {
-        recorded.put((&mut self.object.X_WC, &mut self.object.V_WC));
-    }
-
-    /// Rotational inertia of the object about its centre of mass along the axes of O, in kg·m².
-    pub fn object_inertia(&self) -> Matrix3<f64> {
-        self.object.free.inertia_kgm2
-    }
-
-    /// Kinetic energy of everything that moves, rotors and the gripper's drive included, in J.
-    pub fn kinetic_energy_j(&self) -> f64 {
-        let Object { free, X_WC, V_WC, .. } = &self.object;
-        let spin_j = V_WC.angular.dot(&free.momentum(&X_WC.rotation, &V_WC.angular)) / 2.0;
-        self.machine.kinetic_energy_j() + free.mass_kg * V_WC.linear.norm_squared() / 2.0 + spin_j
-    }
-
     /// The state after the last step.
     pub fn state(&self) -> WorldState {
         let (X_WO, V_WO) = self.object.state();
@@ -383,11 +321,4 @@ impl World {
     pub fn contact_forces(&self) -> ContactForces {
         self.contact_forces
     }
-}
-
-/// Pose and velocity of a frame that stands at `p_AB` in a moving frame A, with the same axes.
-pub(crate) fn carried((X_WA, V_WA): (&Pose, &Twist), p_AB: &Vector3<f64>) -> (Pose, Twist) {
-    let p_AB_W = X_WA.rotation * p_AB;
-    let X_WB = Pose::from_parts((X_WA.translation.vector + p_AB_W).into(), X_WA.rotation);
-    (X_WB, Twist { angular: V_WA.angular, linear: V_WA.linear + V_WA.angular.cross(&p_AB_W) })
 }

@@ -86,11 +86,6 @@ impl Draws {
     }
 }
 
-/// A seed for somebody else's generator, such as the brain's.
-pub fn seed_for(stream: Stream, seed: u64, index: u64) -> u64 {
-    Draws::new(stream, seed, index).bits()
-}
-
 /// A bijection that spreads every input bit over all output bits: the finalizer of SplitMix64 (Steele, Lea &
 /// Flood, Fast splittable pseudorandom number generators, 2014).
 pub(crate) fn mixed(mut bits: u64) -> u64 {

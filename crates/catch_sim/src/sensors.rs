@@ -1,6 +1,5 @@
 //! The cell's cameras in time: when they look, which pixels they read out, and when their images arrive.
 
-use catch_body::{Pose, kinematics::LinkPoses};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::Vector3;
 
@@ -16,11 +15,12 @@ use crate::{
 /// Cameras that look, at every observation or in their own time, and whose images arrive after a while.
 #[derive(Debug, Clone)]
 pub(crate) struct Sensors {
-    cameras: DepthCameras,
+    pub cameras: DepthCameras,
     clocks: Vec<CameraClock>,
     labels: bool,
     latency_s: Drawn,
-    windows: Option<Vec<PixelWindow>>,
+    /// The windows that the brain wants; `None` means all that the cameras give by themselves.
+    pub windows: Option<Vec<PixelWindow>>,
     /// Faults that have not begun.
     coming_faults: Vec<CameraFault>,
     /// Fault of each camera's images.
@@ -34,58 +34,41 @@ pub(crate) struct Sensors {
 enum Spoilt {
     Not,
     Blinded,
-    /// Frozen at an image; `None` until one has come since.
-    Frozen(Option<Box<StillImage>>),
+    /// Frozen at an image, by the number of its exposure; `None` until one has come since.
+    Frozen(Option<Box<(u64, Scene)>>),
     Silent,
-}
-
-/// Still image of a frozen camera: a scene, and the number of the exposure.
-#[derive(Debug, Clone)]
-struct StillImage {
-    exposure: u64,
-    capture_s: f64,
-    X_WL: LinkPoses,
-    width_m: f64,
-    X_WO: Pose,
 }
 
 /// Exposure times of a camera.
 #[derive(Debug, Clone)]
 struct CameraClock {
-    /// Own rate of a free-running camera; `None` for one that takes an image at every observation.
-    free: Option<FreeRun>,
+    /// Time of the first image of a free-running camera; `None` for one that takes an image at every
+    /// observation.
+    phase_s: Option<f64>,
+    period_s: f64,
     /// Number of exposures so far.
     exposures: u64,
     /// Arrival time of the newest image, in seconds.
     arrival_s: f64,
 }
 
-/// A camera that runs freely.
-#[derive(Debug, Clone)]
-struct FreeRun {
-    phase_s: f64,
-    period_s: f64,
-}
-
 impl CameraClock {
     /// Returns whether the camera takes an image now.
     fn is_due(&self, now_s: f64, at_observation: bool) -> bool {
-        match &self.free {
-            None => at_observation,
-            Some(FreeRun { phase_s, period_s }) => now_s + 1e-9 >= phase_s + self.exposures as f64 * period_s,
-        }
+        let has_come = |phase_s: f64| now_s + 1e-9 >= phase_s + self.exposures as f64 * self.period_s;
+        self.phase_s.map_or(at_observation, has_come)
     }
 }
 
 impl Sensors {
     /// The sensors of the scene (`seed`, `index`), whose cameras the brain believes to stand as `calibrated`.
     pub fn new(config: &ArenaConfig, calibrated: &[CameraModel], seed: u64, index: u64) -> Self {
-        let person = config.person.map(|person| Person::new(&person, seed, index));
-        let cameras = DepthCameras::new(calibrated, &config.depth, seed, index).with_person(person);
+        let mut cameras = DepthCameras::new(calibrated, &config.depth, seed, index);
+        cameras.person = config.person.map(|person| Person::new(&person, seed, index));
         let clock = |(i, camera): (usize, &CameraModel)| {
             let period_s = 1.0 / camera.rate_hz.unwrap_or(config.frame_rate_hz);
-            let free = FreeRun { phase_s: cameras.phase(i) * period_s, period_s };
-            CameraClock { free: config.free_running_cameras.then_some(free), exposures: 0, arrival_s: 0.0 }
+            let phase_s = config.free_running_cameras.then(|| cameras.phase(i) * period_s);
+            CameraClock { phase_s, period_s, exposures: 0, arrival_s: 0.0 }
         };
         Self {
             clocks: calibrated.iter().enumerate().map(clock).collect(),
@@ -101,19 +84,8 @@ impl Sensors {
 
     /// True poses of the cameras, and the phases of those that run freely.
     pub fn camera_poses(&self) -> Vec<CameraPose> {
-        let phase_s = |clock: &CameraClock| clock.free.as_ref().map(|free| free.phase_s);
         let poses = self.cameras.cameras().iter().zip(&self.clocks);
-        poses.map(|(camera, clock)| CameraPose { pose: (&camera.X_WC).into(), phase_s: phase_s(clock) }).collect()
-    }
-
-    /// Fraction of the object's surface that gives no depth.
-    pub fn hole_fraction(&self) -> f64 {
-        self.cameras.hole_fraction()
-    }
-
-    /// The windows that the brain wants from now on; `None` means all that the cameras give by themselves.
-    pub fn set_windows(&mut self, windows: Option<Vec<PixelWindow>>) {
-        self.windows = windows;
+        poses.map(|(camera, clock)| CameraPose { pose: (&camera.X_WC).into(), phase_s: clock.phase_s }).collect()
     }
 
     /// Returns whether any camera takes an image now.
@@ -148,13 +120,11 @@ impl Sensors {
         };
         let sees_now = |camera: usize| !matches!(self.spoilt[camera], Spoilt::Silent | Spoilt::Frozen(Some(_)));
         let exposures = due.iter().copied().filter(|(camera, _)| sees_now(*camera));
-        let mut frames = self.cameras.capture_some(renderer, scene, exposures, readout, self.labels);
+        let mut frames = self.cameras.capture(renderer, scene, exposures, readout, self.labels);
         for (camera, _) in due {
             let Spoilt::Frozen(Some(still)) = &self.spoilt[*camera] else { continue };
-            let StillImage { exposure, capture_s, X_WL, width_m, X_WO } = &**still;
-            let scene_then = Scene { capture_s: *capture_s, X_WL, width_m: *width_m, X_WO };
-            let exposures = [(*camera, *exposure)];
-            let again = self.cameras.capture_some(renderer, &scene_then, exposures, readout, self.labels);
+            let (exposure, scene_then) = &**still;
+            let again = self.cameras.capture(renderer, scene_then, [(*camera, *exposure)], readout, self.labels);
             frames.extend(again.into_iter().map(|frame| DepthFrame { capture_s: scene.capture_s, ..frame }));
         }
         for frame in &mut frames {
@@ -164,13 +134,7 @@ impl Sensors {
                     frame.mask.iter_mut().for_each(|mask| mask.fill(false));
                 }
                 Spoilt::Frozen(still @ None) => {
-                    *still = Some(Box::new(StillImage {
-                        exposure: self.clocks[frame.camera].exposures,
-                        capture_s: scene.capture_s,
-                        X_WL: *scene.X_WL,
-                        width_m: scene.width_m,
-                        X_WO: *scene.X_WO,
-                    }));
+                    *still = Some(Box::new((self.clocks[frame.camera].exposures, *scene)));
                 }
                 _ => {}
             }
@@ -235,14 +199,13 @@ mod tests {
             *camera = CameraModel { rate_hz: Some(rate_hz), ..camera.clone() };
         }
         let mut sensors = Sensors::new(config, &cameras, 5, index);
-        sensors.set_windows(Some(vec![window; 2]));
+        sensors.windows = Some(vec![window; 2]);
         let mut seen = Vec::new();
         for step in 0..(duration_s * 1e3) as u32 {
             let now_s = f64::from(step) * 1e-3;
             let at_observation = step % 10 == 0;
             if sensors.are_due(now_s, at_observation) {
-                let scene =
-                    Scene { capture_s: now_s, X_WL: &X_WL, width_m: 0.1, X_WO: &Pose::translation(0.0, 0.0, 9.0) };
+                let scene = Scene { capture_s: now_s, X_WL, width_m: 0.1, X_WO: Pose::translation(0.0, 0.0, 9.0) };
                 sensors.expose(&renderer, &scene, at_observation);
             }
             if at_observation {

@@ -11,11 +11,12 @@ use serde::Deserialize;
 
 use crate::{
     conditions::Conditions,
+    drawn::Span,
     random_streams::{Draws, Stream},
 };
 use random::RandomMotion;
 use recorded::RecordedMotion;
-pub use recorded::{FlightSource, RecordedFlight, RecordedState, Recordings};
+pub use recorded::{FlightSource, ReadTracks, RecordedFlight, RecordedState};
 
 /// An object's state at t = 0.
 #[derive(Debug, Clone, PartialEq)]
@@ -84,22 +85,22 @@ enum Motion {
     Sampled {
         /// Range of x at the release.
         #[serde(deserialize_with = "quantity::place_m")]
-        x_m: [f64; 2],
+        x_m: Span,
         /// Range of y at the release.
         #[serde(deserialize_with = "quantity::place_m")]
-        y_m: [f64; 2],
+        y_m: Span,
         /// Height of the release.
         #[serde(deserialize_with = "quantity::place_m")]
         z_m: f64,
         /// Range of the horizontal speed toward the base's axis.
         #[serde(deserialize_with = "quantity::velocity_mps")]
-        horizontal_speed_mps: [f64; 2],
+        horizontal_speed_mps: Span,
         /// Range of the shear `a`.
         #[serde(deserialize_with = "quantity::shear")]
-        aside: [f64; 2],
+        aside: Span,
         /// Range of the vertical speed, upwards.
         #[serde(deserialize_with = "quantity::velocity_mps")]
-        vertical_speed_mps: [f64; 2],
+        vertical_speed_mps: Span,
     },
     /// Throws from anywhere in a sector, past the robot's base on one side.
     Random(RandomMotion),
@@ -113,9 +114,9 @@ impl Throw {
     /// # Errors
     /// A field that is missing, misspelt or not finite, or a range whose end lies below its start.
     pub fn from_toml(file: &str, text: &str) -> Result<Self, InputError> {
-        Self::from_toml_with(file, text, &|it| {
+        Self::from_toml_with(file, text, &|tracks, _| {
             let expected = "a throw without recordings: nothing reads them here";
-            Err(InputError::new(file, "motion.tracks", format!("`{}`", it.tracks), expected))
+            Err(InputError::new(file, "motion.tracks", format!("`{tracks}`"), expected))
         })
     }
 
@@ -123,27 +124,13 @@ impl Throw {
     ///
     /// # Errors
     /// As [`from_toml`](Self::from_toml), or faults of the recordings.
-    pub fn from_toml_with(
-        file: &str,
-        text: &str,
-        read: &dyn Fn(&Recordings) -> Result<Vec<RecordedFlight>, InputError>,
-    ) -> Result<Self, InputError> {
+    pub fn from_toml_with(file: &str, text: &str, read: ReadTracks) -> Result<Self, InputError> {
         let mut fields: ThrowFile = InputError::parse_toml(file, text)?;
         if let Motion::Recorded(motion) = fields.motion {
             fields.motion = Motion::Recorded(motion.with_recordings(file, read)?);
         }
         match &fields.motion {
-            Motion::Fixed { .. } | Motion::Recorded(_) => {}
-            Motion::Sampled { x_m, y_m, z_m: _, horizontal_speed_mps, aside, vertical_speed_mps } => {
-                for (field, range) in [
-                    ("x_m", x_m),
-                    ("y_m", y_m),
-                    ("horizontal_speed_mps", horizontal_speed_mps),
-                    ("aside", aside),
-                    ("vertical_speed_mps", vertical_speed_mps),
-                ] {
-                    check_range(file, field, *range)?;
-                }
+            Motion::Sampled { x_m: Span(x_m), y_m: Span(y_m), .. } => {
                 let contains_zero = |[low, high]: &[f64; 2]| *low < LEAST_DISTANCE_M && *high > -LEAST_DISTANCE_M;
                 if contains_zero(x_m) && contains_zero(y_m) {
                     let expected = "releases beside the base's axis, at which they are aimed";
@@ -151,6 +138,7 @@ impl Throw {
                 }
             }
             Motion::Random(motion) => motion.check(file)?,
+            Motion::Fixed { .. } | Motion::Recorded(_) => {}
         }
         let mut orientations = BTreeMap::new();
         for (object, rotations) in &fields.orientations_deg {
@@ -205,15 +193,15 @@ impl Throw {
             }
             Motion::Sampled { x_m, y_m, z_m, horizontal_speed_mps, aside, vertical_speed_mps } => {
                 let mut draws = Draws::new(Stream::Throw, seed, index);
-                let p_WO = Point3::new(draws.between(*x_m), draws.between(*y_m), *z_m);
-                let speed = draws.between(*horizontal_speed_mps);
-                let aside = draws.between(*aside);
+                let p_WO = Point3::new(draws.between(x_m.0), draws.between(y_m.0), *z_m);
+                let speed = draws.between(horizontal_speed_mps.0);
+                let aside = draws.between(aside.0);
                 let distance = libm::hypot(p_WO.x, p_WO.y);
                 release.p_WO = p_WO;
                 release.v_WO = Vector3::new(
                     speed * (aside - p_WO.x / distance),
                     speed * (-aside - p_WO.y / distance),
-                    draws.between(*vertical_speed_mps),
+                    draws.between(vertical_speed_mps.0),
                 );
             }
             Motion::Random(motion) => {
@@ -230,16 +218,6 @@ impl Throw {
 
 /// Least distance from the base's axis of a release that is aimed at it, in metres.
 const LEAST_DISTANCE_M: f64 = 0.01;
-
-/// Checks that a field of the motion is a range.
-fn check_range(file: &str, field: &str, range: [f64; 2]) -> Result<(), InputError> {
-    let [low, high] = range;
-    if low > high {
-        let expected = "a range, its lower end first";
-        return Err(InputError::new(file, format!("motion.{field}"), format!("{range:?}"), expected));
-    }
-    Ok(())
-}
 
 impl Axis {
     fn direction(self) -> nalgebra::Unit<Vector3<f64>> {

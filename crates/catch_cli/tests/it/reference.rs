@@ -168,6 +168,7 @@ fn kind(rust: &str) -> String {
         "" => "",
         "Pose" => "pose",
         "JointVector" => "joint values",
+        "Span" => "2 numbers",
         "Drawn" => "number or `{ min, max }`",
         "GripperDriveKind" => "`ideal`, `real` or `position`",
         "GripperTrigger" => "`command` or `proximity`",

@@ -8,7 +8,7 @@ use std::{
 
 use anyhow::{Context, Result};
 use catch_lab::assets::{Asset, Kind, Origin};
-use catch_sim::object::ColliderPart;
+use catch_sim::object::hull_area_m2;
 use serde::Deserialize;
 use toml::{Table, Value};
 
@@ -76,7 +76,7 @@ impl TrainingObject {
         let text = path.display().to_string();
         let thrown =
             Asset::find(Kind::Object, &text, &Origin::Disk(".".into()), ("object", &self.name))?.thrown_object()?;
-        let area_m2 = ColliderPart::Hull(thrown.mesh.vertices).surface_m2() / 4.0;
+        let area_m2 = hull_area_m2(&thrown.mesh.vertices) / 4.0;
         self.written_with_drag(folder, &shape, 0.5 * AIR_KGPM3 * self.drag_coefficient * area_m2 / self.mass_kg)
     }
 

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use catch_body::{TriangleMesh, quantity};
-use catch_sim::object::ColliderPart;
+use catch_sim::object::hull_area_m2;
 
 use super::mass::Stated;
 
@@ -96,7 +96,7 @@ impl Draft<'_> {
 
     /// A convex body's mean silhouette is a quarter of its surface (Cauchy).
     fn drag_per_m(&self) -> f64 {
-        let silhouette_m2 = ColliderPart::Hull(self.mesh.vertices.clone()).surface_m2() / 4.0;
+        let silhouette_m2 = hull_area_m2(&self.mesh.vertices) / 4.0;
         let drag = 0.5 * AIR_KGPM3 * DRAG_COEFFICIENT * silhouette_m2 / self.stated.mass_kg;
         let rounded = (drag * 1e4).round() / 1e4;
         rounded.clamp(quantity::DRAG_PER_M.least, quantity::DRAG_PER_M.most)

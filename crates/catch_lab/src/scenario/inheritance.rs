@@ -109,7 +109,7 @@ mod tests {
         let honest = Setup::load(&Choice { scenario: Some("honest"), ..Choice::default() }).unwrap().scenario;
         let mut expected = honest.clone();
         (expected.name, expected.description) = ("slippery".to_owned(), "mine".to_owned());
-        expected.arena.friction = 0.2.into();
+        expected.arena.friction = catch_sim::config::Drawn::Always(0.2);
         expected.arena.depth = toml::from_str("model = { stereo = {} }").unwrap();
         expected.arena.robot_errors.link_mass_spread = 0.1;
         expected.brain.grasp_selection.weights.width = 1.0;

@@ -24,7 +24,8 @@ pub struct DepthCameras {
     cameras: Vec<CameraModel>,
     config: DepthConfig,
     holes: Option<Holes>,
-    person: Option<Person>,
+    /// A person who walks through the images.
+    pub(crate) person: Option<Person>,
     key: Key,
 }
 
@@ -74,11 +75,6 @@ impl DepthCameras {
         }
     }
 
-    /// Adds a person who walks through the images.
-    pub(crate) fn with_person(self, person: Option<Person>) -> Self {
-        Self { person, ..self }
-    }
-
     /// The cameras where they truly stand.
     pub fn cameras(&self) -> &[CameraModel] {
         &self.cameras
@@ -117,21 +113,9 @@ impl DepthCameras {
         self.key.part(camera as u64).part(Purpose::Exposures as u64).part(exposure)
     }
 
-    /// The images of exposure number `exposure` of every camera that are not lost; with `labelled` also which
-    /// pixels truly show the object.
+    /// The images of some cameras, each with the number of its exposure, that are not lost; with `labelled`
+    /// also which pixels truly show the object.
     pub fn capture(
-        &self,
-        renderer: &Renderer,
-        scene: &Scene,
-        exposure: u64,
-        readout: Readout,
-        labelled: bool,
-    ) -> Vec<DepthFrame> {
-        self.capture_some(renderer, scene, (0..self.cameras.len()).map(|camera| (camera, exposure)), readout, labelled)
-    }
-
-    /// Captures images of some cameras, each with the number of its exposure.
-    pub fn capture_some(
         &self,
         renderer: &Renderer,
         scene: &Scene,
@@ -140,7 +124,7 @@ impl DepthCameras {
         labelled: bool,
     ) -> Vec<DepthFrame> {
         let person = self.person.iter().flat_map(|person| person.parts(scene.capture_s));
-        let view = renderer.view(scene).with(person);
+        let view = renderer.view(scene, person);
         let stereo = self.config.model.stereo();
         let edge_px = stereo.map_or(0, StereoNoise::edge_reach_px);
         let channels = Channels {
@@ -159,15 +143,15 @@ impl DepthCameras {
             let bodies = view.bodies(camera);
             let covered = around(view.covered(camera, &bodies)).intersection(&window);
             let exact = view.image(camera, &bodies, around(covered), channels);
-            let hidden = self.holes.as_ref().map(|holes| holes.pixels(&exact.part(covered), scene.X_WO));
+            let hidden = self.holes.as_ref().map(|holes| holes.pixels(&exact.within(covered), &scene.X_WO));
             let pixels = key.part(Place::Pixels as u64);
-            let mut image = match (&self.config.model, stereo) {
-                (_, Some(stereo)) => stereo.measured(exact, covered, key),
-                (DepthModel::Perfect, _) => exact,
-                (model, _) => exact.changed(|pixel, _, z| {
+            let mut image = match &self.config.model {
+                DepthModel::Perfect => exact,
+                DepthModel::Gaussian(noise) => exact.changed(|pixel, _, z| {
                     let normal = counter_generator::normal((pixels.bits(pixel) >> 32) as u32);
-                    (z + model.sd_m(z, camera.focal_px) * normal) as f32
+                    (z + noise.sd_m * normal) as f32
                 }),
+                DepthModel::Stereo(noise) => noise.measured(exact, covered, key),
             };
             if self.config.step_m > 0.0 {
                 let step_m = self.config.step_m;
@@ -177,7 +161,8 @@ impl DepthCameras {
                 image.depth_m[pixel] = f32::NAN;
             }
             image.shows_object = image.shows_object.filter(|_| labelled);
-            Some(image.within(window).frame(index, scene.capture_s))
+            let image = if image.window == window { image } else { image.within(window) };
+            Some(image.frame(index, scene.capture_s))
         };
         exposures.into_iter().filter_map(frame_of).collect()
     }
@@ -198,7 +183,6 @@ const HOLE_SIZE_M: f64 = 0.01;
 #[derive(Debug, Clone)]
 struct Holes {
     fraction: f64,
-    size_m: f64,
     key: Key,
 }
 
@@ -206,7 +190,7 @@ impl Holes {
     /// Holes of a throw; `None` without holes.
     fn new(config: &DepthConfig, key: Key) -> Option<Self> {
         let fraction = config.hole_fraction.at(key.unit(0));
-        (fraction > 0.0).then_some(Self { fraction, size_m: HOLE_SIZE_M, key })
+        (fraction > 0.0).then_some(Self { fraction, key })
     }
 
     /// The pixels of an exact image that show such a patch.
@@ -222,50 +206,20 @@ impl Holes {
 
     fn includes(&self, p_O: &Point3<f64>) -> bool {
         // The lattice lies differently in every throw.
-        let cell = |axis: usize| (p_O[axis] / self.size_m + self.key.unit(1 + axis as u64)).floor() as i64 as u64;
+        let cell = |axis: usize| (p_O[axis] / HOLE_SIZE_M + self.key.unit(1 + axis as u64)).floor() as i64 as u64;
         self.key.part(cell(0)).part(cell(1)).part(cell(2)).unit(0) < self.fraction
     }
 }
 
 impl Image<'_> {
-    /// The part of it that `window` covers, which lies within its own.
-    fn part(&self, window: PixelWindow) -> Self {
-        fn cut<T: Copy>(values: &[T], from: &PixelWindow, window: &PixelWindow) -> Vec<T> {
-            let mut part = Vec::with_capacity(window.area());
-            for row in window.top - from.top..window.top - from.top + window.height {
-                let first = (row * from.width + window.left - from.left) as usize;
-                part.extend_from_slice(&values[first..first + window.width as usize]);
-            }
-            part
-        }
+    /// What it shows in another window: nothing beyond its own.
+    fn within(&self, window: PixelWindow) -> Self {
         Self {
             camera: self.camera,
             window,
-            depth_m: cut(&self.depth_m, &self.window, &window),
-            shows_object: self.shows_object.as_ref().map(|values| cut(values, &self.window, &window)),
-            facing: self.facing.as_ref().map(|values| cut(values, &self.window, &window)),
-        }
-    }
-
-    /// The image in a window around its own, which shows nothing else.
-    fn within(self, window: PixelWindow) -> Self {
-        fn spread<T: Copy>(values: Vec<T>, nothing: T, from: &PixelWindow, window: &PixelWindow) -> Vec<T> {
-            if from == window {
-                return values;
-            }
-            let mut all = vec![nothing; window.area()];
-            for (row, values) in from.rows().zip(values.chunks(from.width.max(1) as usize)) {
-                let first = (row - window.top) as usize * window.width as usize + (from.left - window.left) as usize;
-                all[first..first + values.len()].copy_from_slice(values);
-            }
-            all
-        }
-        Self {
-            depth_m: spread(self.depth_m, f32::NAN, &self.window, &window),
-            shows_object: self.shows_object.map(|values| spread(values, false, &self.window, &window)),
-            facing: None,
-            window,
-            ..self
+            depth_m: in_window(&self.depth_m, f32::NAN, &self.window, &window),
+            shows_object: self.shows_object.as_ref().map(|it| in_window(it, false, &self.window, &window)),
+            facing: self.facing.as_ref().map(|it| in_window(it, 0.0, &self.window, &window)),
         }
     }
 
@@ -286,6 +240,20 @@ impl Image<'_> {
         }
         self
     }
+}
+
+/// Values of the pixels of one window in another; `nothing` beyond it.
+fn in_window<T: Copy>(values: &[T], nothing: T, from: &PixelWindow, to: &PixelWindow) -> Vec<T> {
+    let mut all = vec![nothing; to.area()];
+    let shared = to.intersection(from);
+    let pixels = |of: &PixelWindow, row: u32| {
+        let first = ((row - of.top) * of.width + shared.left - of.left) as usize;
+        first..first + shared.width as usize
+    };
+    for row in shared.rows() {
+        all[pixels(to, row)].copy_from_slice(&values[pixels(from, row)]);
+    }
+    all
 }
 
 impl StereoNoise {
@@ -331,7 +299,7 @@ impl StereoNoise {
         let nearest = among_neighbours(&inverse, wide, reach, |a, b| if b > a { b } else { a });
         let farthest = among_neighbours(&inverse, wide, reach, |a, b| if b < a { b } else { a });
 
-        let mut image = exact.part(window);
+        let mut image = exact.within(window);
         let columns = exact.camera.width_px as usize;
         for row in window.top as usize..(window.top + window.height) as usize {
             let line = (row - exact.window.top as usize) * wide;

@@ -14,15 +14,15 @@ use nalgebra::Vector3;
 
 /// Scene in front of the cameras at one instant.
 #[derive(Debug, Clone, Copy)]
-pub struct Scene<'a> {
+pub struct Scene {
     /// Time at which the shutters close, in seconds on the cell's clock.
     pub capture_s: f64,
     /// Poses of the arm's links.
-    pub X_WL: &'a LinkPoses,
+    pub X_WL: LinkPoses,
     /// Opening of the gripper.
     pub width_m: f64,
     /// Pose of the object.
-    pub X_WO: &'a Pose,
+    pub X_WO: Pose,
 }
 
 /// Pixels that are read out.
@@ -56,24 +56,11 @@ impl Renderer {
         Self { arm: ArmSurface::new(robot, gripper), object: RayCaster::new(object), floor_visible }
     }
 
-    /// Renders one frame per camera, without any error: depth in metres along the optical axis, NaN where
-    /// there is no surface; with `labelled` also which pixels show the object. The cameras stand where their
-    /// models say.
-    pub fn render(&self, cameras: &[CameraModel], scene: &Scene, readout: Readout, labelled: bool) -> Vec<DepthFrame> {
-        let view = self.view(scene);
-        let frame_of = |(index, camera): (usize, &CameraModel)| {
-            let window = view.window(index, camera, readout, 0);
-            let channels = Channels { shows_object: labelled, facing: false };
-            view.image(camera, &view.bodies(camera), window, channels).frame(index, scene.capture_s)
-        };
-        cameras.iter().enumerate().map(frame_of).collect()
-    }
-
-    /// The surfaces where they are in `scene`.
-    pub(super) fn view(&self, scene: &Scene) -> View<'_> {
+    /// The surfaces where they are in `scene`, and further ones with their poses.
+    pub(super) fn view<'a>(&'a self, scene: &Scene, more: impl Iterator<Item = (Pose, &'a RayCaster)>) -> View<'a> {
         View {
-            others: self.arm.parts(scene.X_WL, scene.width_m).collect(),
-            object: (*scene.X_WO, &self.object),
+            others: self.arm.parts(&scene.X_WL, scene.width_m).chain(more).collect(),
+            object: (scene.X_WO, &self.object),
             floor_visible: self.floor_visible,
         }
     }
@@ -88,12 +75,6 @@ pub(super) struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    /// Adds more bodies.
-    pub fn with(mut self, bodies: impl IntoIterator<Item = (Pose, &'a RayCaster)>) -> Self {
-        self.others.extend(bodies);
-        self
-    }
-
     /// The pixels of camera number `index` that are read out; a window around the object is widened by
     /// `margin_px`.
     pub fn window(&self, index: usize, camera: &CameraModel, readout: Readout, margin_px: u32) -> PixelWindow {
@@ -140,7 +121,14 @@ impl<'a> View<'a> {
 
         let up_C = camera.X_WC.rotation.inverse() * Vector3::z();
         let floor = self.floor_visible.then_some((FLOOR_Z_M - camera.X_WC.translation.z, up_C));
-        let mut image = Image::empty(camera, window, channels);
+        let pixels = window.area();
+        let mut image = Image {
+            camera,
+            window,
+            depth_m: vec![f32::NAN; pixels],
+            shows_object: channels.shows_object.then(|| vec![false; pixels]),
+            facing: channels.facing.then(|| vec![0.0; pixels]),
+        };
         for (pixel, seen) in seen.pixels().enumerate().filter(|(_, seen)| seen.is_some() || floor.is_some()) {
             let ray_C = camera.back_project(&window.pixel_centre(pixel), 1.0).coords;
             let floor_m = floor.map(|(below_m, up_C)| below_m / up_C.dot(&ray_C));
@@ -180,15 +168,7 @@ pub(super) struct Channels {
     pub facing: bool,
 }
 
-impl<'a> Image<'a> {
-    /// An image of nothing.
-    pub fn empty(camera: &'a CameraModel, window: PixelWindow, channels: Channels) -> Self {
-        let pixels = window.area();
-        let shows_object = channels.shows_object.then(|| vec![false; pixels]);
-        let facing = channels.facing.then(|| vec![0.0; pixels]);
-        Self { camera, window, depth_m: vec![f32::NAN; pixels], shows_object, facing }
-    }
-
+impl Image<'_> {
     /// The image as the cell hands it out.
     pub fn frame(self, camera: usize, capture_s: f64) -> DepthFrame {
         DepthFrame { camera, capture_s, window: self.window, depth_m: self.depth_m, mask: self.shows_object }

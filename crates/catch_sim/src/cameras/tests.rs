@@ -11,7 +11,8 @@ use catch_body::{
 use catch_cell::{CameraModel, DepthFrame, PixelWindow, reference_scan, rig_from_toml};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
-use super::{Readout, Renderer, Scene};
+use super::{DepthCameras, Readout, Renderer, Scene};
+use crate::depth_noise::DepthConfig;
 
 const PAPER_FLIGHT: &str = include_str!("../../../../assets/rigs/paper_flight.toml");
 const REFERENCE: &str = include_str!("../../../../assets/rigs/reference.toml");
@@ -48,6 +49,30 @@ pub(super) fn long_object() -> TriangleMesh {
 
 pub(super) fn renderer(object: &TriangleMesh, floor_visible: bool) -> Renderer {
     Renderer::new(&iiwa(), &wsg50(), object, floor_visible)
+}
+
+/// The images of one exposure of all cameras.
+pub(super) fn captured(
+    cameras: &DepthCameras,
+    renderer: &Renderer,
+    scene: &Scene,
+    exposure: u64,
+    readout: Readout,
+    labelled: bool,
+) -> Vec<DepthFrame> {
+    let exposures = (0..cameras.cameras().len()).map(|camera| (camera, exposure));
+    cameras.capture(renderer, scene, exposures, readout, labelled)
+}
+
+/// Images without any error.
+pub(super) fn exact_images(
+    renderer: &Renderer,
+    rig: &[CameraModel],
+    scene: &Scene,
+    readout: Readout,
+    labelled: bool,
+) -> Vec<DepthFrame> {
+    captured(&DepthCameras::new(rig, &DepthConfig::default(), 0, 0), renderer, scene, 0, readout, labelled)
 }
 
 fn labelled_pixels(frames: &[DepthFrame]) -> usize {
@@ -95,12 +120,12 @@ fn a_window_equals_that_part_of_the_full_image_bit_for_bit() {
     for floor_visible in [false, true] {
         let renderer = renderer(&long_object(), floor_visible);
         for (q, width_m, X_WO) in scenes() {
-            let scene = Scene { capture_s: 0.3, X_WL: &robot.link_poses(&q), width_m, X_WO: &X_WO };
-            let full = renderer.render(&flight_rig(), &scene, Readout::Full, true);
-            let tracked = renderer.render(&flight_rig(), &scene, Readout::Object, true);
+            let scene = Scene { capture_s: 0.3, X_WL: robot.link_poses(&q), width_m, X_WO };
+            let full = exact_images(&renderer, &flight_rig(), &scene, Readout::Full, true);
+            let tracked = exact_images(&renderer, &flight_rig(), &scene, Readout::Object, true);
             let windows: Vec<PixelWindow> =
                 (0..20).map(|i| PixelWindow { left: 150 + i, top: 90, width: 60 + i, height: 80 }).collect();
-            let asked = renderer.render(&flight_rig(), &scene, Readout::Windows(&windows), true);
+            let asked = exact_images(&renderer, &flight_rig(), &scene, Readout::Windows(&windows), true);
             for frames in [&tracked, &asked] {
                 for (frame, full) in frames.iter().zip(&full) {
                     let expected = cut(full, frame.window);
@@ -125,8 +150,8 @@ fn a_ball_covers_the_pixels_of_its_outline() {
     // The catching pose of the near throw, the arm turned out of the way.
     let X_WO = Pose::translation(0.555, -0.245, 0.526);
     let q = robot.joint_vector(&[2.5, 0.6, 0.0, -1.75, 0.0, 1.0, 0.0]).unwrap();
-    let scene = Scene { capture_s: 0.7, X_WL: &robot.link_poses(&q), width_m: 0.11, X_WO: &X_WO };
-    let frames = renderer.render(&flight_rig(), &scene, Readout::Object, true);
+    let scene = Scene { capture_s: 0.7, X_WL: robot.link_poses(&q), width_m: 0.11, X_WO };
+    let frames = exact_images(&renderer, &flight_rig(), &scene, Readout::Object, true);
     let pixels = labelled_pixels(&frames);
     // The outline is an ellipse with the area π·f²·r²·√(d² − r²)/(z² − r²)^(3/2) at the distance d and depth
     // z: 193 pixels in all twenty cameras.
@@ -156,9 +181,10 @@ fn the_arm_is_seen_where_it_is_and_the_floor_only_if_wanted() {
     let robot = iiwa();
     let X_WL = robot.link_poses(&JointVector::zeros());
     let X_WO = Pose::translation(0.0, 0.0, 50.0);
-    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WO };
+    let scene = Scene { capture_s: 0.0, X_WL, width_m: 0.11, X_WO };
     let depths = |floor_visible: bool, camera: usize| {
-        renderer(&ball(), floor_visible).render(&flight_rig(), &scene, Readout::Full, false).swap_remove(camera)
+        let renderer = renderer(&ball(), floor_visible);
+        exact_images(&renderer, &flight_rig(), &scene, Readout::Full, false).swap_remove(camera)
     };
     // Camera 2 looks from +x along the floor: the upper arm of radius 0.075 m stands in its middle, 0.5 m up.
     let level = depths(false, 2);
@@ -180,13 +206,13 @@ fn the_arm_is_seen_where_it_is_and_the_floor_only_if_wanted() {
 fn windows_from_outside_are_cut_to_the_image() {
     let renderer = renderer(&ball(), false);
     let X_WL = iiwa().link_poses(&JointVector::zeros());
-    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &Pose::identity() };
+    let scene = Scene { capture_s: 0.0, X_WL, width_m: 0.11, X_WO: Pose::identity() };
     let windows = [
         PixelWindow { left: 390, top: 290, width: 100, height: u32::MAX },
         PixelWindow { left: u32::MAX, top: 0, width: 7, height: 7 },
         PixelWindow::default(),
     ];
-    let frames = renderer.render(&flight_rig(), &scene, Readout::Windows(&windows), true);
+    let frames = exact_images(&renderer, &flight_rig(), &scene, Readout::Windows(&windows), true);
     assert_eq!(frames[0].window, PixelWindow { left: 390, top: 290, width: 10, height: 10 });
     assert_eq!((frames[1].window.area(), frames[2].window.area()), (0, 0));
     assert_eq!(frames[3].window, flight_rig()[3].full_window());

@@ -14,15 +14,11 @@ const LOST_M: f64 = 1e-3;
 /// Follows the fingers through moves.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct GraspWatch {
-    state: GraspState,
+    pub state: GraspState,
     held_width_m: f64,
 }
 
 impl GraspWatch {
-    pub fn state(&self) -> GraspState {
-        self.state
-    }
-
     /// A move begins.
     pub fn begin(&mut self, width_m: f64, target_m: f64) {
         self.state = match target_m - width_m {

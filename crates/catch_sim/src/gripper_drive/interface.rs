@@ -16,10 +16,10 @@ pub(super) struct Interface {
     latency_s: f64,
     cycle_s: f64,
     /// Time of the first cycle.
-    phase_s: f64,
-    step_m: f64,
+    pub phase_s: f64,
     cycles_seen: u64,
-    reported: GripperState,
+    /// State of the last cycle.
+    pub reported: GripperState,
 }
 
 impl Interface {
@@ -27,19 +27,7 @@ impl Interface {
     pub fn new(gripper: &Gripper, width_m: f64, phase: f64) -> Self {
         let cycle_s = 1.0 / gripper.drive.state_rate_hz;
         let reported = GripperState { width_m, speed_mps: 0.0, force_n: 0.0, grasp: catch_cell::GraspState::Idle };
-        Self {
-            latency_s: gripper.drive.latency_s,
-            cycle_s,
-            phase_s: phase * cycle_s,
-            step_m: WIDTH_STEP_M,
-            cycles_seen: 0,
-            reported,
-        }
-    }
-
-    /// Time of the first cycle.
-    pub fn phase_s(&self) -> f64 {
-        self.phase_s
+        Self { latency_s: gripper.drive.latency_s, cycle_s, phase_s: phase * cycle_s, cycles_seen: 0, reported }
     }
 
     /// Time at which the fingers begin a move that is sent at `sent_s`, in seconds on the cell's clock.
@@ -61,15 +49,9 @@ impl Interface {
         let cycles = ((time_s - self.phase_s) / self.cycle_s + 1e-6).floor() + 1.0;
         if cycles > self.cycles_seen as f64 {
             self.cycles_seen = cycles as u64;
-            let rounded =
-                |value: f64| if self.step_m > 0.0 { (value / self.step_m).round() * self.step_m } else { value };
+            let rounded = |value: f64| (value / WIDTH_STEP_M).round() * WIDTH_STEP_M;
             self.reported = GripperState { width_m: rounded(live.width_m), speed_mps: rounded(live.speed_mps), ..live };
         }
-    }
-
-    /// The state of the last cycle.
-    pub fn reported(&self) -> GripperState {
-        self.reported
     }
 }
 

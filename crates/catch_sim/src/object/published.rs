@@ -1,6 +1,6 @@
 //! Bodies of objects in the paper's simulator.
 
-use catch_body::{InputError, TriangleMesh, quantity};
+use catch_body::{InputError, quantity};
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::Deserialize;
 
@@ -28,40 +28,25 @@ pub(super) struct PublishedFields {
     convex_hull: bool,
 }
 
-/// Body of an object in the paper's simulator.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PublishedBody {
-    com_O: Point3<f64>,
-    inertia_kgm2: Matrix3<f64>,
-    origin_O: Point3<f64>,
-    convex_hull: bool,
-    surface: Option<(TriangleMesh, Vec<ColliderPart>)>,
-}
-
 impl PublishedFields {
-    pub fn body(&self, file: &str, mass_kg: f64, load: Load) -> Result<PublishedBody, InputError> {
-        let moments = self.inertia_kgm2;
-        let solid = self.shape.as_ref().map(|shape| shape.solid(file, mass_kg, load)).transpose()?;
+    /// The object as it is in the paper's simulator.
+    pub fn of(&self, object: &ThrownObject, file: &str, load: Load) -> Result<ThrownObject, InputError> {
+        let solid = self.shape.as_ref().map(|shape| shape.solid(file, object.mass_kg, load)).transpose()?;
         let to_O = solid.as_ref().map_or(Vector3::zeros(), |solid| -solid.inertia.com.coords);
-        Ok(PublishedBody {
+        let mut published = ThrownObject {
             com_O: Point3::from(self.com_m) + to_O,
-            inertia_kgm2: Matrix3::from_diagonal(&Vector3::from(moments)),
+            inertia_kgm2: Matrix3::from_diagonal(&Vector3::from(self.inertia_kgm2)),
             origin_O: Point3::from(self.origin_m) + to_O,
-            convex_hull: self.convex_hull,
-            surface: solid.map(|Solid { mesh, parts, .. }| {
-                (mesh.translated(&to_O), parts.into_iter().map(|part| part.translated(&to_O)).collect())
-            }),
-        })
-    }
-}
-
-impl ThrownObject {
-    /// The object as it is in the paper's simulator, `None` if its file does not say.
-    pub fn as_published(&self) -> Option<Self> {
-        let PublishedBody { com_O, inertia_kgm2, origin_O, convex_hull, surface } = self.published.clone()?;
-        let (mesh, parts) = surface.unwrap_or_else(|| (self.mesh.clone(), self.parts.clone()));
-        let parts = if convex_hull { vec![ColliderPart::Hull(mesh.vertices.clone())] } else { parts };
-        let bounding_radius_m = mesh.bounding_radius();
-        Some(Self { com_O, inertia_kgm2, origin_O, mesh, parts, bounding_radius_m, ..self.clone() })
+            ..object.clone()
+        };
+        if let Some(Solid { mesh, parts, .. }) = solid {
+            published.mesh = mesh.translated(&to_O);
+            published.parts = parts.into_iter().map(|part| part.translated(&to_O)).collect();
+        }
+        if self.convex_hull {
+            published.parts = vec![ColliderPart::Hull(published.mesh.vertices.clone())];
+        }
+        published.bounding_radius_m = published.mesh.bounding_radius();
+        Ok(published)
     }
 }

@@ -8,22 +8,28 @@ use catch_body::{
 use nalgebra::Vector3;
 use parry3d_f64::{
     math,
-    query::{self, ContactManifold, DefaultQueryDispatcher, PersistentQueryDispatcher},
+    query::{self, ContactManifold, DefaultQueryDispatcher, PersistentQueryDispatcher, TrackedContact},
     shape::SharedShape,
 };
 
 use super::{
     Part,
-    convert::{from_vector, to_pose, to_vector},
     machine::{COORDINATES, Machine},
     spatial::Spatial,
 };
-use crate::{object::ThrownObject, object_shape::ColliderPart};
+use crate::{
+    convert::{from_vector, to_pose, to_vector, to_vectors},
+    object::ThrownObject,
+    object_shape::ColliderPart,
+};
 
 /// Things that come closer than this in a step are looked at in detail, in metres, besides what they move.
 const MARGIN_M: f64 = 1e-3;
 /// Points of a pair that are closer than this are one, in metres.
 const SAME_POINT_M: f64 = 1e-4;
+/// Points for which there is room, of each pair and of all: with more, a step allocates.
+const POINTS_OF_PAIR: usize = 8;
+const POINTS: usize = 64;
 
 /// Body to which a collider is fixed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,6 +51,28 @@ struct Collider {
     /// Radius of the sphere that encloses it, about the centre of the shape in its own frame.
     centre: math::Vector,
     radius_m: f64,
+    at: Place,
+}
+
+/// Place of a collider when a step begins, in W.
+#[derive(Clone, Default)]
+struct Place {
+    X_WS: math::Pose,
+    centre: math::Vector,
+    /// The most that one of its points moves per second.
+    speed_mps: f64,
+}
+
+impl Collider {
+    fn pose(&self, bodies: &Bodies) -> math::Pose {
+        to_pose(&(bodies.pose(self.body) * self.X_BS))
+    }
+
+    fn place(&self, bodies: &Bodies) -> Place {
+        let X_WS = self.pose(bodies);
+        let centre = X_WS * self.centre;
+        Place { X_WS, centre, speed_mps: bodies.speed_mps(self.body, &from_vector(centre), self.radius_m) }
+    }
 }
 
 /// Forces at the end of the step before, from which the solver starts.
@@ -77,7 +105,7 @@ pub(super) struct Touch {
     /// Load of the step before.
     pub load: Load,
     /// The pair and the number of the point in its manifold.
-    place: [usize; 2],
+    point_of_pair: [usize; 2],
 }
 
 impl Touch {
@@ -131,22 +159,23 @@ impl Bodies {
 pub(super) struct Colliders {
     colliders: Vec<Collider>,
     pairs: Vec<Pair>,
+    /// Points at which something may touch something in the step to come.
+    pub touches: Vec<Touch>,
 }
 
 impl Colliders {
     /// Colliders of the floor, the arm with the obstacles around it, and the gripper. The object is still
     /// missing.
-    pub fn new(machine: &Machine, robot: Option<&Robot>, gripper: &Gripper) -> Self {
-        let mut new = Self { colliders: Vec::new(), pairs: Vec::new() };
+    pub fn new(machine: &Machine, robot: &Robot, gripper: &Gripper) -> Self {
+        let touches = Vec::with_capacity(POINTS);
+        let mut new = Self { colliders: Vec::new(), pairs: Vec::new(), touches };
         let up = SharedShape::halfspace(math::Vector::Z);
         new.add(Body::Fixed, Part::Floor, up, Pose::translation(0.0, 0.0, FLOOR_Z_M));
         let base = |link: usize| if link == 0 { Body::Fixed } else { Body::Link(link) };
         let in_base = |link: usize| if link == 0 { machine.X_WB } else { Pose::identity() };
-        if let Some(robot) = robot {
-            robot.obstacles.iter().for_each(|obstacle| new.add_obstacle(obstacle));
-            for (link, capsule) in &robot.capsules {
-                new.add(base(*link), Part::Arm, of_capsule(capsule), in_base(*link));
-            }
+        robot.obstacles.iter().for_each(|obstacle| new.add_obstacle(obstacle));
+        for (link, capsule) in &robot.capsules {
+            new.add(base(*link), Part::Arm, of_capsule(capsule), in_base(*link));
         }
         let X_BG = in_base(machine.hand) * machine.X_HG;
         new.add_box(base(machine.hand), Part::Palm, &gripper.body(), &X_BG);
@@ -177,8 +206,8 @@ impl Colliders {
                     (SharedShape::ball(*radius_m), Pose::translation(centre.x, centre.y, centre.z))
                 }
                 ColliderPart::Hull(points) => {
-                    let points: Vec<math::Vector> = points.iter().map(|it| to_vector(&it.coords)).collect();
-                    let hull = SharedShape::convex_hull(&points).expect("a part of an object encloses a volume");
+                    let hull =
+                        SharedShape::convex_hull(&to_vectors(points)).expect("a part of an object encloses a volume");
                     (hull, Pose::identity())
                 }
             };
@@ -192,7 +221,7 @@ impl Colliders {
     fn add(&mut self, body: Body, part: Part, shape: SharedShape, X_BS: Pose) {
         let sphere = shape.compute_local_bounding_sphere();
         let (centre, radius_m) = (sphere.center, sphere.radius);
-        self.colliders.push(Collider { body, part, shape, X_BS, centre, radius_m });
+        self.colliders.push(Collider { body, part, shape, X_BS, centre, radius_m, at: Place::default() });
     }
 
     fn add_box(&mut self, body: Body, part: Part, cuboid: &Cuboid, X_BC: &Pose) {
@@ -210,61 +239,47 @@ impl Colliders {
         }
     }
 
-    /// All points at which something may touch something within `step_s`.
+    /// Finds all points at which something may touch something within `step_s`.
     ///
     /// Pairs are sorted out by the sphere around what is pushed; the others are looked at by the library.
-    pub fn touches(&mut self, bodies: &Bodies, step_s: f64) -> Vec<Touch> {
-        let poses: Vec<math::Pose> =
-            self.colliders.iter().map(|it| to_pose(&(bodies.pose(it.body) * it.X_BS))).collect();
-        let centres: Vec<math::Vector> = poses.iter().zip(&self.colliders).map(|(X_WS, it)| X_WS * it.centre).collect();
-        let speeds: Vec<f64> = (self.colliders.iter().zip(&centres))
-            .map(|(it, centre)| bodies.speed_mps(it.body, &from_vector(*centre), it.radius_m))
-            .collect();
-        let mut touches = Vec::new();
-        for (number, pair) in self.pairs.iter_mut().enumerate() {
-            let [one, other] = [&self.colliders[pair.pushing], &self.colliders[pair.pushed]];
-            let reach_m = MARGIN_M + (speeds[pair.pushing] + speeds[pair.pushed]) * step_s;
-            let [X_WS1, X_WS2] = [&poses[pair.pushing], &poses[pair.pushed]];
-            if one.shape.distance_to_point(X_WS1, centres[pair.pushed], true) > other.radius_m + reach_m {
-                pair.manifold.points.clear();
+    pub fn find_touches(&mut self, bodies: &Bodies, step_s: f64) {
+        let Self { colliders, pairs, touches } = self;
+        colliders.iter_mut().for_each(|it| it.at = it.place(bodies));
+        touches.clear();
+        for (number, pair) in pairs.iter_mut().enumerate() {
+            let [one, other] = [&colliders[pair.pushing], &colliders[pair.pushed]];
+            let reach_m = MARGIN_M + (one.at.speed_mps + other.at.speed_mps) * step_s;
+            let Pair { manifold, .. } = pair;
+            if one.shape.distance_to_point(&one.at.X_WS, other.at.centre, true) > other.radius_m + reach_m {
+                manifold.points.clear();
                 continue;
             }
-            let X_12 = X_WS1.inv_mul(X_WS2);
+            let X_12 = one.at.X_WS.inv_mul(&other.at.X_WS);
             DefaultQueryDispatcher
-                .contact_manifold_convex_convex(
-                    &X_12,
-                    &*one.shape,
-                    &*other.shape,
-                    None,
-                    None,
-                    reach_m,
-                    &mut pair.manifold,
-                )
+                .contact_manifold_convex_convex(&X_12, &*one.shape, &*other.shape, None, None, reach_m, manifold)
                 .expect("all shapes here are convex");
-            let normal = from_vector(X_WS1.rotation * pair.manifold.local_n1);
-            for (i, point) in pair.manifold.points.iter().enumerate() {
-                let is_same = |it: &query::TrackedContact<Load>| it.local_p1.distance(point.local_p1) < SAME_POINT_M;
-                if point.dist > reach_m || pair.manifold.points[..i].iter().any(is_same) {
+            for (i, point) in manifold.points.iter().enumerate() {
+                let is_same = |it: &TrackedContact<Load>| it.local_p1.distance(point.local_p1) < SAME_POINT_M;
+                if point.dist > reach_m || manifold.points[..i].iter().any(is_same) {
                     continue;
                 }
                 touches.push(Touch {
                     part: one.part,
                     pushing: one.body,
                     pushed: other.body,
-                    normal,
-                    point: from_vector((X_WS1 * point.local_p1 + X_WS2 * point.local_p2) / 2.0),
+                    normal: from_vector(one.at.X_WS.rotation * manifold.local_n1),
+                    point: from_vector((one.at.X_WS * point.local_p1 + other.at.X_WS * point.local_p2) / 2.0),
                     gap_m: point.dist,
                     load: point.data,
-                    place: [number, i],
+                    point_of_pair: [number, i],
                 });
             }
         }
-        touches
     }
 
     /// Keeps what a point bore in the step that has passed.
     pub fn keep_load(&mut self, touch: &Touch, load: Load) {
-        let [pair, point] = touch.place;
+        let [pair, point] = touch.point_of_pair;
         self.pairs[pair].manifold.points[point].data = load;
     }
 
@@ -273,8 +288,7 @@ impl Colliders {
         let with_object = self.pairs.iter().filter(|it| self.colliders[it.pushed].body == Body::Object);
         let gaps = with_object.map(|pair| {
             let [one, other] = [&self.colliders[pair.pushing], &self.colliders[pair.pushed]];
-            let pose = |it: &Collider| to_pose(&(bodies.pose(it.body) * it.X_BS));
-            let gap = query::distance(&pose(one), &*one.shape, &pose(other), &*other.shape);
+            let gap = query::distance(&one.pose(bodies), &*one.shape, &other.pose(bodies), &*other.shape);
             (one.part.name(), gap.map_or(f64::INFINITY, |it| it.distance))
         });
         gaps.min_by(|a, b| a.1.total_cmp(&b.1))
@@ -283,7 +297,9 @@ impl Colliders {
 
 impl Pair {
     fn new(pushing: usize, pushed: usize) -> Self {
-        Self { pushing, pushed, manifold: ContactManifold::new() }
+        let mut manifold = ContactManifold::new();
+        manifold.points.reserve(POINTS_OF_PAIR);
+        Self { pushing, pushed, manifold }
     }
 }
 

@@ -9,9 +9,9 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{
     colliders::{Body, Load, Touch},
-    convert::{from_vector, to_vector},
     machine::{Coordinates, Machine, Posture, Stop},
 };
+use crate::convert::{from_vector, to_vector};
 
 /// Natural frequency of contacts with an object whose file names no stiffness, and the highest of any, in Hz:
 /// a finger sinks 0.2 mm into a bottle at most. Chosen.
@@ -25,7 +25,7 @@ const SAME_MPS: f64 = 1e-5;
 const MOST_APART_MPS: f64 = 3.0;
 
 /// Velocities of everything that moves: of the machine's coordinates and of the object's centre of mass.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Velocities {
     pub machine: Coordinates,
     pub linear: Vector3<f64>,
@@ -88,8 +88,7 @@ impl Row {
     fn at(masses: &Masses, touch: &Touch) -> [Self; 3] {
         let [one, other] = touch.across();
         [touch.normal, one, other].map(|direction| {
-            let mut of =
-                Velocities { machine: Coordinates::zeros(), linear: Vector3::zeros(), angular: Vector3::zeros() };
+            let mut of = Velocities::default();
             for (body, sign) in [(touch.pushed, 1.0), (touch.pushing, -1.0)] {
                 match body {
                     Body::Fixed => {}
@@ -141,8 +140,8 @@ impl Spring {
 }
 
 /// Two bodies that cannot pass through each other.
-struct Unilateral {
-    row: Row,
+pub(super) struct Unilateral {
+    pub row: Row,
     gap_m: f64,
     spring: Spring,
     /// True if the spring is that of the object, and not a means against overlaps of hard bodies.
@@ -151,7 +150,7 @@ struct Unilateral {
     meets: bool,
     /// Impulse in a solver's step, and in all of them.
     impulse_ns: f64,
-    total_ns: f64,
+    pub total_ns: f64,
 }
 
 impl Unilateral {
@@ -189,26 +188,27 @@ impl Unilateral {
     }
 }
 
+/// The object's rebound at a point, by its normal velocity there.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rebound {
+    /// Velocity at which the object should leave.
+    pub wanted_mps: f64,
+    /// Impulse so far.
+    pub impulse_ns: f64,
+}
+
 /// A touch, its rows and its impulses.
 pub(super) struct Contact {
     pub touch: Touch,
-    normal: Unilateral,
+    pub normal: Unilateral,
+    /// Rebound of the object after the step, if there is one.
+    pub rebound: Option<Rebound>,
     /// Rows in two directions across the normal.
     friction: [Row; 2],
     friction_ns: [f64; 2],
 }
 
 impl Contact {
-    /// Row along the normal.
-    pub fn row(&self) -> &Row {
-        &self.normal.row
-    }
-
-    /// Normal impulse of the step.
-    pub fn pushed_ns(&self) -> f64 {
-        self.normal.total_ns
-    }
-
     /// Returns whether the contact bore a load in the step, and none in the one before.
     pub fn is_new(&self) -> bool {
         self.normal.total_ns > 0.0 && self.touch.load.normal_n == 0.0
@@ -242,6 +242,7 @@ impl Contact {
 }
 
 /// All contacts of a step, and the stops of the fingers that are met in it.
+#[derive(Default)]
 pub(super) struct Contacts {
     pub contacts: Vec<Contact>,
     stops: Vec<Unilateral>,
@@ -251,21 +252,22 @@ pub(super) struct Contacts {
 }
 
 impl Contacts {
-    /// `stiffness_npm` is the object's, none if it is hard; `step_s` is the solver's.
-    pub fn new(
+    /// Begins a step. `stiffness_npm` is the object's, none if it is hard; `step_s` is the solver's.
+    pub fn begin(
+        &mut self,
         masses: &Masses,
-        (touches, stops): (Vec<Touch>, &[Stop]),
+        (touches, stops): (&[Touch], &[Option<Stop>]),
         (friction, stiffness_npm): (f64, Option<f64>),
         step_s: f64,
-    ) -> Self {
+    ) {
+        (self.friction, self.step_s) = (friction, step_s);
         let hard = Spring::new(HARD_HZ, step_s);
-        // A part that presses at several points divides the stiffness among them.
-        let points_of_part = |touch: &Touch| touches.iter().filter(|it| it.part == touch.part).count() as f64;
-        let points_of_parts: Vec<f64> = touches.iter().map(points_of_part).collect();
-        let contact = |(touch, points): (Touch, f64)| {
-            let [row, one, other] = Row::at(masses, &touch);
+        let contact = |touch: &Touch| {
+            let [row, one, other] = Row::at(masses, touch);
             let is_soft = stiffness_npm.is_some() && touch.pushed == Body::Object;
             let spring = stiffness_npm.filter(|_| is_soft).map_or(hard, |stiffness_npm| {
+                // A part that presses at several points divides the stiffness among them.
+                let points = touches.iter().filter(|it| it.part == touch.part).count() as f64;
                 let frequency_hz = (stiffness_npm / points * row.mobility_per_kg).sqrt() / std::f64::consts::TAU;
                 Spring::new(frequency_hz.min(HARD_HZ), step_s)
             });
@@ -274,16 +276,18 @@ impl Contacts {
                 friction: [one, other],
                 friction_ns: touch.across().map(|direction| rubbed_ns.dot(&direction)),
                 normal: Unilateral::new(row, touch.gap_m, spring, is_soft, touch.load.normal_n * step_s),
-                touch,
+                rebound: None,
+                touch: touch.clone(),
             }
         };
-        let contacts = touches.into_iter().zip(points_of_parts).map(contact).collect();
+        self.contacts.clear();
+        self.contacts.extend(touches.iter().map(contact));
         let stop = |&Stop { coordinate, free, gap_m }: &Stop| {
             let machine = Coordinates::ith(coordinate, free);
-            let of = Velocities { machine, linear: Vector3::zeros(), angular: Vector3::zeros() };
-            Unilateral::new(Row::new(masses, &of), gap_m, hard, false, 0.0)
+            Unilateral::new(Row::new(masses, &Velocities { machine, ..Velocities::default() }), gap_m, hard, false, 0.0)
         };
-        Self { contacts, stops: stops.iter().map(stop).collect(), friction, step_s }
+        self.stops.clear();
+        self.stops.extend(stops.iter().flatten().map(stop));
     }
 
     /// Takes one step of the solver: `moved` moves the bodies with the velocities.

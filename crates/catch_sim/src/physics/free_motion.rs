@@ -7,7 +7,10 @@
 use catch_body::{Pose, Twist};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-use crate::object::ThrownObject;
+use crate::{
+    object::ThrownObject,
+    throw::{RecordedState, Release},
+};
 
 /// Longest rotation of one integration step, in radians; the error of a step is of its fifth power.
 const STEP_RAD: f64 = 0.05;
@@ -33,24 +36,6 @@ impl FreeBody {
         let inverses = root.and_then(|root| Some((inertia_kgm2.try_inverse()?, [root, root.try_inverse()?])));
         let (inverse_inertia, roots) = inverses.expect("an object's inertia is positive definite");
         Self { mass_kg: object.mass_kg, inertia_kgm2, inverse_inertia, roots }
-    }
-
-    /// Pose and velocity after `duration_s`, under constant gravity, force and torque in W; the force acts on
-    /// the centre of mass, where the frame has its origin here.
-    ///
-    /// Translation is exact.
-    pub fn advanced(
-        &self,
-        (X_WO, V_WO): (&Pose, &Twist),
-        gravity: &Vector3<f64>,
-        (force_n, torque_nm): (&Vector3<f64>, &Vector3<f64>),
-        duration_s: f64,
-    ) -> (Pose, Twist) {
-        let acceleration = gravity + force_n / self.mass_kg;
-        let p_WO = X_WO.translation.vector + (V_WO.linear + acceleration * (duration_s / 2.0)) * duration_s;
-        let (q_WO, angular) = self.rotated((&X_WO.rotation, &V_WO.angular), torque_nm, duration_s);
-        let linear = V_WO.linear + acceleration * duration_s;
-        (Pose::from_parts(p_WO.into(), q_WO), Twist { angular, linear })
     }
 
     /// Orientation and angular velocity in W after `duration_s` under a constant torque in W.
@@ -111,4 +96,64 @@ impl FreeBody {
         let k4 = rate(q + k3 * step_s, step_s);
         (q + (k1 + (k2 + k3) * 2.0 + k4) * (step_s / 6.0)).normalize()
     }
+}
+
+/// An object in flight, by the frame C at its centre of mass, with the axes of O.
+#[derive(Debug, Clone)]
+pub(crate) struct FlyingObject {
+    pub body: FreeBody,
+    com_O: Vector3<f64>,
+    pub X_WC: Pose,
+    pub V_WC: Twist,
+}
+
+impl FlyingObject {
+    /// An object that has just been released.
+    pub fn released(object: &ThrownObject, release: &Release) -> Self {
+        let X_WO = Pose::from_parts(release.p_WO.into(), release.q_WO);
+        Self::new(object, (&X_WO, &Twist { angular: release.omega_WO, linear: release.v_WO }))
+    }
+
+    /// An object by pose and velocity of O.
+    pub fn new(object: &ThrownObject, of_O: (&Pose, &Twist)) -> Self {
+        let com_O = object.com_O.coords;
+        let (X_WC, V_WC) = carried(of_O, &com_O);
+        Self { body: FreeBody::of(object), com_O, X_WC, V_WC }
+    }
+
+    /// Pose and velocity of O.
+    pub fn state(&self) -> (Pose, Twist) {
+        carried((&self.X_WC, &self.V_WC), &-self.com_O)
+    }
+
+    /// Moves for `duration_s` under constant gravity, force and torque in W, the force on the centre of mass.
+    ///
+    /// Translation is exact.
+    pub fn fly(
+        &mut self,
+        gravity: &Vector3<f64>,
+        (force_n, torque_nm): (&Vector3<f64>, &Vector3<f64>),
+        duration_s: f64,
+    ) {
+        let Self { body, X_WC, V_WC, .. } = self;
+        let acceleration = gravity + force_n / body.mass_kg;
+        X_WC.translation.vector += (V_WC.linear + acceleration * (duration_s / 2.0)) * duration_s;
+        (X_WC.rotation, V_WC.angular) = body.rotated((&X_WC.rotation, &V_WC.angular), torque_nm, duration_s);
+        V_WC.linear += acceleration * duration_s;
+    }
+
+    /// Takes over what was recorded of its motion.
+    pub fn follow(&mut self, recorded: &RecordedState) {
+        (self.X_WC.translation.vector, self.V_WC.linear) = (recorded.position.coords, recorded.velocity);
+        if let Some(rotation) = recorded.rotation {
+            (self.X_WC.rotation, self.V_WC.angular) = rotation;
+        }
+    }
+}
+
+/// Pose and velocity of a frame that stands at `p_AB` in a moving frame A, with the same axes.
+fn carried((X_WA, V_WA): (&Pose, &Twist), p_AB: &Vector3<f64>) -> (Pose, Twist) {
+    let p_AB_W = X_WA.rotation * p_AB;
+    let X_WB = Pose::from_parts((X_WA.translation.vector + p_AB_W).into(), X_WA.rotation);
+    (X_WB, Twist { angular: V_WA.angular, linear: V_WA.velocity_at(&p_AB_W) })
 }

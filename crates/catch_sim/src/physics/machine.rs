@@ -4,13 +4,13 @@
 //! bias forces h by the recursive Newton–Euler algorithm (Featherstone, Rigid Body Dynamics Algorithms,
 //! sections 6.2 and 5.3). The factor of M also tells how the tree answers to an impulse.
 
-use catch_body::{Gripper, JointVector, MAX_JOINTS, Pose, robot::Inertia};
+use catch_body::{
+    Gripper, JointVector, MAX_JOINTS, Pose, Robot,
+    robot::{Inertia, Joint},
+};
 use nalgebra::{Cholesky, Const, SMatrix, SVector, Translation3, UnitQuaternion, UnitVector3, Vector3};
 
-use super::{
-    Mount,
-    spatial::{Spatial, SpatialInertia},
-};
+use super::spatial::{Spatial, SpatialInertia};
 
 /// Coordinates: the joints of the arm, then the left and the right finger. What the arm does not have stands
 /// still behind them.
@@ -18,18 +18,9 @@ pub(super) const COORDINATES: usize = MAX_JOINTS + 2;
 pub(super) type Coordinates = SVector<f64, COORDINATES>;
 type Factor = Cholesky<f64, Const<COORDINATES>>;
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind {
-    Revolute,
-    Prismatic,
-}
-
-/// A body and the joint that moves it.
+/// A body and the joint that moves it: one of the arm, which turns it, or that of a finger, which slides it.
 #[derive(Debug, Clone)]
 struct Link {
-    /// Number of the body that carries it; 0 is the base, and the link of joint i is body i + 1.
-    parent: usize,
-    kind: Kind,
     /// Pose of the joint in the parent, at coordinate zero that of the link.
     X_PL: Pose,
     axis: UnitVector3<f64>,
@@ -39,7 +30,7 @@ struct Link {
     damping: f64,
 }
 
-/// The tree and its state.
+/// The tree and its state. Body 0 is the base, and the link of joint i is body i + 1.
 #[derive(Debug, Clone)]
 pub(super) struct Machine {
     links: Vec<Link>,
@@ -66,49 +57,33 @@ pub(super) struct Posture {
 }
 
 impl Machine {
-    /// Machine at rest, with the inner faces of the fingers `finger_m` from the middle.
-    pub fn new(mount: Mount, gripper: &Gripper, drive_mass_kg: f64, finger_m: f64) -> Self {
-        let mut links = Vec::new();
-        let mut positions = Coordinates::zeros();
-        let (X_WB, X_HG) = match mount {
-            Mount::Fixed(X_WG) => (X_WG, Pose::identity()),
-            Mount::Arm { robot, q } => {
-                for (i, joint) in robot.joints.iter().enumerate() {
-                    let mut inertia = joint.inertia;
-                    if i + 1 == robot.dof() {
-                        inertia = inertia.joined(&gripper.body_inertia().transformed(&robot.X_LG));
-                    }
-                    links.push(Link {
-                        parent: i,
-                        kind: Kind::Revolute,
-                        X_PL: joint.X_PL,
-                        axis: joint.axis,
-                        inertia,
-                        rotor_inertia: joint.rotor_inertia,
-                        damping: joint.damping,
-                    });
-                    positions[i] = q[i];
-                }
-                (robot.X_WB, robot.X_LG)
-            }
+    /// Machine at rest, with the inner faces of the fingers `finger_m` from the middle. The arm comes without
+    /// the gripper's mass.
+    pub fn new(robot: &Robot, q: &JointVector, gripper: &Gripper, drive_mass_kg: f64, finger_m: f64) -> Self {
+        let of_joint = |joint: &Joint| {
+            let Joint { X_PL, axis, inertia, rotor_inertia, damping, .. } = *joint;
+            Link { X_PL, axis, inertia, rotor_inertia, damping }
         };
-        let hand = links.len();
+        let mut links: Vec<Link> = robot.joints.iter().map(of_joint).collect();
+        if let Some(last) = links.last_mut() {
+            last.inertia = last.inertia.joined(&gripper.body_inertia().transformed(&robot.X_LG));
+        }
         // Fingers slide along the x axis of G, the left one towards −x. Their frames lie on G when their
         // inner faces meet in the middle.
         for (inertia, axis) in gripper.finger_inertias(0.0).into_iter().zip([-Vector3::x_axis(), Vector3::x_axis()]) {
-            positions[links.len()] = finger_m;
-            links.push(Link {
-                parent: hand,
-                kind: Kind::Prismatic,
-                X_PL: X_HG,
-                axis,
-                inertia,
-                rotor_inertia: drive_mass_kg,
-                damping: 0.0,
-            });
+            links.push(Link { X_PL: robot.X_LG, axis, inertia, rotor_inertia: drive_mass_kg, damping: 0.0 });
         }
-        let widest_m = gripper.max_width_m / 2.0;
-        Self { links, X_WB, hand, X_HG, widest_m, positions, velocities: Coordinates::zeros() }
+        let mut machine = Self {
+            links,
+            X_WB: robot.X_WB,
+            hand: robot.dof(),
+            X_HG: robot.X_LG,
+            widest_m: gripper.max_width_m / 2.0,
+            positions: Coordinates::zeros(),
+            velocities: Coordinates::zeros(),
+        };
+        machine.positions = machine.joined(q, [finger_m; 2]);
+        machine
     }
 
     /// Positions or velocities of arm and fingers apart.
@@ -134,17 +109,14 @@ impl Machine {
         let mut motions = [Spatial::default(); COORDINATES];
         let mut inertias = [SpatialInertia::default(); COORDINATES];
         for (i, link) in self.links.iter().enumerate() {
-            let mut pose = X_WL[link.parent] * link.X_PL;
+            let mut pose = X_WL[self.parent(i)] * link.X_PL;
             let axis = pose.rotation * link.axis.into_inner();
-            match link.kind {
-                Kind::Revolute => {
-                    pose.rotation *= UnitQuaternion::from_axis_angle(&link.axis, positions[i]);
-                    motions[i] = Spatial::about(axis, &pose.translation.vector);
-                }
-                Kind::Prismatic => {
-                    pose *= Translation3::from(link.axis.into_inner() * positions[i]);
-                    motions[i] = Spatial { angular: Vector3::zeros(), linear: axis };
-                }
+            if i < self.hand {
+                pose.rotation *= UnitQuaternion::from_axis_angle(&link.axis, positions[i]);
+                motions[i] = Spatial::about(axis, &pose.translation.vector);
+            } else {
+                pose *= Translation3::from(link.axis.into_inner() * positions[i]);
+                motions[i] = Spatial { angular: Vector3::zeros(), linear: axis };
             }
             X_WL[i + 1] = pose;
             inertias[i] = SpatialInertia::of(&link.inertia, &pose);
@@ -165,8 +137,8 @@ impl Machine {
         let mut matrix = SMatrix::identity();
         for (i, link) in self.links.iter().enumerate().rev() {
             let composite = composites[i];
-            if link.parent > 0 {
-                composites[link.parent - 1] += composite;
+            if let Some(parent) = self.parent(i).checked_sub(1) {
+                composites[parent] += composite;
             }
             let momentum = composite.momentum(&motions[i]);
             matrix[(i, i)] = motions[i].dot(&momentum) + link.rotor_inertia;
@@ -178,17 +150,21 @@ impl Machine {
         matrix
     }
 
+    /// The body that carries a joint: that before it in the arm, or the hand.
+    fn parent(&self, joint: usize) -> usize {
+        joint.min(self.hand)
+    }
+
     /// The joints between a joint and the base.
-    fn ancestors(&self, joint: usize) -> impl Iterator<Item = usize> + '_ {
-        let parent_of = |joint: usize| self.links[joint].parent.checked_sub(1);
-        std::iter::successors(parent_of(joint), move |&it| parent_of(it))
+    fn ancestors(&self, joint: usize) -> impl Iterator<Item = usize> + use<> {
+        (0..self.parent(joint)).rev()
     }
 
     /// Motions of the bodies, base first.
     pub fn motions(&self, posture: &Posture, velocities: &Coordinates) -> [Spatial; COORDINATES + 1] {
         let mut motions = [Spatial::default(); COORDINATES + 1];
-        for (i, link) in self.links.iter().enumerate() {
-            motions[i + 1] = motions[link.parent] + posture.motions[i] * velocities[i];
+        for i in 0..self.links.len() {
+            motions[i + 1] = motions[self.parent(i)] + posture.motions[i] * velocities[i];
         }
         motions
     }
@@ -199,16 +175,16 @@ impl Machine {
         let moving = self.motions(posture, velocities);
         let mut accelerations = [Spatial { angular: Vector3::zeros(), linear: -gravity }; COORDINATES + 1];
         let mut needed = [Spatial::default(); COORDINATES];
-        for (i, link) in self.links.iter().enumerate() {
+        for i in 0..self.links.len() {
             let by_joint = posture.motions[i] * velocities[i];
-            accelerations[i + 1] = accelerations[link.parent] + moving[i + 1].cross_motion(&by_joint);
+            accelerations[i + 1] = accelerations[self.parent(i)] + moving[i + 1].cross_motion(&by_joint);
             let momentum = posture.inertias[i].momentum(&moving[i + 1]);
             needed[i] = posture.inertias[i].momentum(&accelerations[i + 1]) + moving[i + 1].cross_force(&momentum);
         }
         let mut bias = Coordinates::zeros();
-        for (i, link) in self.links.iter().enumerate().rev() {
+        for i in (0..self.links.len()).rev() {
             bias[i] = posture.motions[i].dot(&needed[i]);
-            if let Some(parent) = link.parent.checked_sub(1) {
+            if let Some(parent) = self.parent(i).checked_sub(1) {
                 needed[parent] = needed[parent] + needed[i];
             }
         }
@@ -220,16 +196,15 @@ impl Machine {
         Coordinates::from_fn(|i, _| self.links.get(i).map_or(0.0, |link| link.damping * velocities[i]))
     }
 
-    /// The stops that fingers would pass in a step.
-    pub fn stops(&self, acceleration: &Coordinates, step_s: f64) -> Vec<Stop> {
-        let fingers = self.hand..self.hand + 2;
-        let stops = fingers.flat_map(|coordinate| {
+    /// The stops that fingers would pass in a step: of each finger the closed one, and the open one.
+    pub fn stops(&self, acceleration: &Coordinates, step_s: f64) -> [Option<Stop>; 4] {
+        std::array::from_fn(|i| {
+            let coordinate = self.hand + i / 2;
             let position_m = self.positions[coordinate];
             let moved_m = (self.velocities[coordinate] + acceleration[coordinate] * step_s) * step_s;
-            [(1.0, position_m), (-1.0, self.widest_m - position_m)]
-                .map(|(free, gap_m)| (gap_m + free * moved_m < 0.0).then_some(Stop { coordinate, free, gap_m }))
-        });
-        stops.flatten().collect()
+            let (free, gap_m) = [(1.0, position_m), (-1.0, self.widest_m - position_m)][i % 2];
+            (gap_m + free * moved_m < 0.0).then_some(Stop { coordinate, free, gap_m })
+        })
     }
 
     /// Velocity of a body along a direction at a point, per velocity of each coordinate: a row of the
@@ -244,13 +219,6 @@ impl Machine {
         }
         row
     }
-
-    /// Kinetic energy in J, drives included; not a number where the arm is nowhere.
-    pub fn kinetic_energy_j(&self) -> f64 {
-        let Some(posture) = self.posture(&self.positions, 0.0) else { return f64::NAN };
-        let momentum = posture.factor.l() * (posture.factor.l().transpose() * self.velocities);
-        self.velocities.dot(&momentum) / 2.0
-    }
 }
 
 /// The stop of a finger.
@@ -260,13 +228,6 @@ pub(super) struct Stop {
     /// The direction in which it is free, and the way to the stop.
     pub free: f64,
     pub gap_m: f64,
-}
-
-impl Posture {
-    /// Change of the velocities by impulses along the coordinates, or accelerations by forces.
-    pub fn answer(&self, impulses: &Coordinates) -> Coordinates {
-        self.factor.solve(impulses)
-    }
 }
 
 #[cfg(test)]
@@ -283,7 +244,6 @@ mod tests {
 
     #[derive(serde::Deserialize)]
     struct GoldenLink {
-        parent: usize,
         q_xyzw: [f64; 4],
         p_m: [f64; 3],
         axis: [f64; 3],
@@ -302,9 +262,7 @@ mod tests {
     }
 
     fn machine(golden: &Golden) -> Machine {
-        let link = |(i, it): (usize, &GoldenLink)| Link {
-            parent: it.parent,
-            kind: if i < MAX_JOINTS { Kind::Revolute } else { Kind::Prismatic },
+        let link = |it: &GoldenLink| Link {
             X_PL: Pose::from_parts(it.p_m.into(), UnitQuaternion::new_normalize(Quaternion::from(it.q_xyzw))),
             axis: UnitVector3::new_normalize(it.axis.into()),
             inertia: Inertia {
@@ -316,7 +274,7 @@ mod tests {
             damping: 0.0,
         };
         Machine {
-            links: golden.links.iter().enumerate().map(link).collect(),
+            links: golden.links.iter().map(link).collect(),
             X_WB: Pose::identity(),
             hand: MAX_JOINTS,
             X_HG: Pose::identity(),
@@ -337,7 +295,7 @@ mod tests {
             for State { q, v, tau, a } in &golden.states {
                 let posture = machine.posture(&Coordinates::from(*q), 0.0).unwrap();
                 let bias = machine.bias_forces(&posture, &Coordinates::from(*v), &Vector3::new(0.0, 0.0, -9.81));
-                let ours = posture.answer(&(Coordinates::from(*tau) - bias));
+                let ours = posture.factor.solve(&(Coordinates::from(*tau) - bias));
                 let theirs = Coordinates::from(*a);
                 worst = worst.max((ours - theirs).norm() / theirs.norm());
             }

@@ -11,7 +11,8 @@
 
 use super::{
     Impulses,
-    contacts::{Contact, Masses, Velocities},
+    colliders::Body,
+    contacts::{Contact, Masses, Rebound, Velocities},
 };
 
 /// Most sweeps; a ball between two fingers needs some twenty.
@@ -19,53 +20,44 @@ const MOST_SWEEPS: usize = 200;
 /// Velocities that differ by less are the same, in m/s.
 const SAME_MPS: f64 = 1e-9;
 
-/// A point at which the object rebounds.
-struct Rebound<'a> {
-    contact: &'a Contact,
-    /// Normal velocity at which the object should leave.
-    wanted_mps: f64,
-    /// Impulse so far.
-    impulse_ns: f64,
-}
-
-/// Makes the velocities after a step those of Newton's law at all points that have begun to push in it.
-/// The impulses that this adds are counted.
-pub(super) fn let_rebound<'a>(
+/// Makes the velocities after a step those of Newton's law at all points of the object that have begun to
+/// push in it. The impulses that this adds are counted.
+pub(super) fn let_rebound(
     masses: &Masses,
-    contacts: impl Iterator<Item = &'a Contact>,
+    contacts: &mut [Contact],
     restitution: f64,
     (before, velocities): (&Velocities, &mut Velocities),
     impulses: &mut Impulses,
 ) {
     let before = masses.weighted(before);
-    let new = contacts.filter(|contact| contact.is_new());
-    let mut rebounds: Vec<Rebound> = new
-        .map(|contact| {
-            let wanted_mps = -restitution * contact.row().velocity(&before);
-            Rebound { contact, wanted_mps, impulse_ns: contact.pushed_ns() }
-        })
-        .filter(|rebound| rebound.wanted_mps > 0.0)
-        .collect();
-    if rebounds.is_empty() {
+    for contact in &mut *contacts {
+        let wanted_mps = -restitution * contact.normal.row.velocity(&before);
+        let rebounds = contact.is_new() && contact.touch.pushed == Body::Object && wanted_mps > 0.0;
+        contact.rebound = rebounds.then_some(Rebound { wanted_mps, impulse_ns: contact.normal.total_ns });
+    }
+    if contacts.iter().all(|contact| contact.rebound.is_none()) {
         return;
     }
     let mut weighted = masses.weighted(velocities);
     for _ in 0..MOST_SWEEPS {
         let mut largest_mps = 0.0f64;
-        for Rebound { contact, wanted_mps, impulse_ns } in &mut rebounds {
-            let row = contact.row();
-            let missing_ns = (*wanted_mps - row.velocity(&weighted)) / row.mobility_per_kg;
-            let change_ns = (*impulse_ns + missing_ns).max(0.0) - *impulse_ns;
-            *impulse_ns += change_ns;
+        for contact in &mut *contacts {
+            let Some(Rebound { wanted_mps, impulse_ns }) = contact.rebound else { continue };
+            let row = &contact.normal.row;
+            let missing_ns = (wanted_mps - row.velocity(&weighted)) / row.mobility_per_kg;
+            let change_ns = (impulse_ns + missing_ns).max(0.0) - impulse_ns;
             row.push(&mut weighted, change_ns);
             largest_mps = largest_mps.max((change_ns * row.mobility_per_kg).abs());
+            contact.rebound = Some(Rebound { wanted_mps, impulse_ns: impulse_ns + change_ns });
         }
         if largest_mps < SAME_MPS {
             break;
         }
     }
     *velocities = masses.unweighted(&weighted);
-    for Rebound { contact, impulse_ns, .. } in &rebounds {
-        impulses.add(contact.touch.part, impulse_ns - contact.pushed_ns());
+    for contact in contacts {
+        if let Some(Rebound { impulse_ns, .. }) = contact.rebound {
+            impulses[contact.touch.part as usize] += impulse_ns - contact.normal.total_ns;
+        }
     }
 }

@@ -4,8 +4,7 @@ use catch_body::{InputError, dynamics, quantity};
 use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
 
-use super::check_range;
-use crate::{conditions::Conditions, random_streams::Draws};
+use crate::{conditions::Conditions, drawn::Span, random_streams::Draws};
 
 /// A distribution of throws. Every one passes the base's axis (x = y = 0) at a drawn distance and height;
 /// where it comes from and how long it takes are drawn too. With that the throw is determined.
@@ -14,24 +13,24 @@ use crate::{conditions::Conditions, random_streams::Draws};
 pub(super) struct RandomMotion {
     /// Direction of the thrower, seen from the base: counterclockwise from x, in degrees.
     #[serde(deserialize_with = "quantity::angle_deg")]
-    azimuth_deg: [f64; 2],
+    azimuth_deg: Span,
     /// Distance of the release from the base's axis, in metres.
     #[serde(deserialize_with = "quantity::distance_m")]
-    distance_m: [f64; 2],
+    distance_m: Span,
     /// Height of the release, in metres.
     #[serde(deserialize_with = "quantity::place_m")]
-    height_m: [f64; 2],
+    height_m: Span,
     /// Side on which the flight passes.
     side: Side,
     /// Smallest distance of the flight from the base's axis, in metres.
     #[serde(deserialize_with = "quantity::distance_m")]
-    passage_distance_m: [f64; 2],
+    passage_distance_m: Span,
     /// Height of the flight there, in metres.
     #[serde(deserialize_with = "quantity::place_m")]
-    passage_height_m: [f64; 2],
+    passage_height_m: Span,
     /// Time of the passage after the release, in seconds.
     #[serde(deserialize_with = "quantity::flight_s")]
-    passage_s: [f64; 2],
+    passage_s: Span,
     /// The length of the arm for which the passage is given; for a shorter arm it is nearer and lower in
     /// proportion. Without it the passage is the same for all arms.
     #[serde(default, deserialize_with = "quantity::distance_m")]
@@ -48,24 +47,15 @@ pub(super) enum Side {
 
 impl RandomMotion {
     pub fn check(&self, file: &str) -> Result<(), InputError> {
-        for (field, range) in [
-            ("azimuth_deg", self.azimuth_deg),
-            ("distance_m", self.distance_m),
-            ("height_m", self.height_m),
-            ("passage_distance_m", self.passage_distance_m),
-            ("passage_height_m", self.passage_height_m),
-            ("passage_s", self.passage_s),
-        ] {
-            check_range(file, field, range)?;
-        }
-        if self.distance_m[0] <= self.passage_distance_m[1] {
+        let Self { distance_m: Span(distance_m), passage_s: Span(passage_s), .. } = self;
+        if distance_m[0] <= self.passage_distance_m.0[1] {
             let expected = "a release that is farther away than the passage";
-            return Err(InputError::new(file, "motion.distance_m", format!("{:?}", self.distance_m), expected));
+            return Err(InputError::new(file, "motion.distance_m", format!("{distance_m:?}"), expected));
         }
-        let [fastest_mps, most_mps] = [self.distance_m[1] / self.passage_s[0], quantity::VELOCITY_MPS.most];
+        let [fastest_mps, most_mps] = [distance_m[1] / passage_s[0], quantity::VELOCITY_MPS.most];
         if fastest_mps > most_mps {
             let expected = format!("a time in which the farthest release needs at most {most_mps} m/s");
-            return Err(InputError::new(file, "motion.passage_s", format!("{:?}", self.passage_s), expected));
+            return Err(InputError::new(file, "motion.passage_s", format!("{passage_s:?}"), expected));
         }
         Ok(())
     }
@@ -74,7 +64,7 @@ impl RandomMotion {
     pub fn for_arm(&self, length_m: f64) -> Self {
         let scale = self.arm_length_m.map_or(1.0, |it| (length_m / it).min(1.0));
         let [passage_distance_m, passage_height_m] =
-            [self.passage_distance_m, self.passage_height_m].map(|range| range.map(|it| it * scale));
+            [self.passage_distance_m, self.passage_height_m].map(|range| range.scaled(scale));
         Self { passage_distance_m, passage_height_m, ..*self }
     }
 
@@ -85,22 +75,22 @@ impl RandomMotion {
     /// release, acos(r/d) away from it. That point, its height and the time are drawn, so drag is met by
     /// aiming; wind blows the flight off that point, and so do other aerodynamic forces.
     pub fn draw(&self, conditions: &Conditions, draws: &mut Draws) -> (Point3<f64>, Vector3<f64>) {
-        let azimuth = draws.between(self.azimuth_deg).to_radians();
-        let distance = draws.between(self.distance_m);
+        let azimuth = draws.between(self.azimuth_deg.0).to_radians();
+        let distance = draws.between(self.distance_m.0);
         let at = |radius: f64, azimuth: f64, height: f64| {
             Point3::new(radius * libm::cos(azimuth), radius * libm::sin(azimuth), height)
         };
-        let p_WO = at(distance, azimuth, draws.between(self.height_m));
-        let radius = draws.between(self.passage_distance_m);
+        let p_WO = at(distance, azimuth, draws.between(self.height_m.0));
+        let radius = draws.between(self.passage_distance_m.0);
         let turn = libm::acos(radius / distance);
         let passage_azimuth = match self.side {
             Side::Clockwise => azimuth - turn,
             Side::Counterclockwise => azimuth + turn,
         };
-        let target_W = at(radius, passage_azimuth, draws.between(self.passage_height_m));
+        let target_W = at(radius, passage_azimuth, draws.between(self.passage_height_m.0));
         let mut calm = conditions.clone();
         calm.wind_mps = Vector3::zeros();
-        (p_WO, aimed(p_WO, target_W, draws.between(self.passage_s), &calm))
+        (p_WO, aimed(p_WO, target_W, draws.between(self.passage_s.0), &calm))
     }
 }
 

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use catch_body::{InputError, Pose, Twist, quantity};
+use catch_body::{InputError, quantity};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
-use super::{Axis, Release, check_range, random::Side, random::flown};
-use crate::{conditions::Conditions, random_streams::Draws};
+use super::{Axis, Release, random::Side, random::flown};
+use crate::{conditions::Conditions, drawn::Span, random_streams::Draws};
 
 /// State of the centre of mass of a recorded object at one time, in axes whose z points up.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,14 +23,6 @@ pub struct RecordedState {
 }
 
 impl RecordedState {
-    /// Replaces what was recorded of a pose and a velocity.
-    pub(crate) fn put(&self, (X_WO, V_WO): (&mut Pose, &mut Twist)) {
-        (X_WO.translation.vector, V_WO.linear) = (self.position.coords, self.velocity);
-        if let Some(rotation) = self.rotation {
-            (X_WO.rotation, V_WO.angular) = rotation;
-        }
-    }
-
     /// State rotated by `yaw` about the z axis and moved by `shift` afterwards.
     fn moved(&self, yaw: &UnitQuaternion<f64>, shift: &Vector3<f64>) -> Self {
         Self {
@@ -116,19 +108,19 @@ pub(super) struct RecordedMotion {
     flight: FlightSource,
     /// Direction of the thrower, seen from the base: counterclockwise from x, in degrees.
     #[serde(deserialize_with = "quantity::angle_deg")]
-    azimuth_deg: [f64; 2],
+    azimuth_deg: Span,
     /// Side on which the flight passes.
     side: Side,
     /// Smallest distance of the flight from the base's axis, in metres.
     #[serde(deserialize_with = "quantity::distance_m")]
-    passage_distance_m: [f64; 2],
+    passage_distance_m: Span,
     /// Height of the flight there, in metres.
     #[serde(deserialize_with = "quantity::place_m")]
-    passage_height_m: [f64; 2],
+    passage_height_m: Span,
     /// Time of the passage after the release, in seconds; later where the object would have been released
     /// less than 0.2 m above the floor.
     #[serde(deserialize_with = "quantity::flight_s")]
-    passage_s: [f64; 2],
+    passage_s: Span,
     /// The length of the arm for which the passage is given; for a shorter arm it is nearer and lower in
     /// proportion.
     #[serde(deserialize_with = "quantity::distance_m")]
@@ -145,25 +137,20 @@ impl Default for RecordedMotion {
             tracks: ".".to_owned(),
             up: None,
             flight: FlightSource::default(),
-            azimuth_deg: [15.0, 75.0],
+            azimuth_deg: Span([15.0, 75.0]),
             side: Side::Clockwise,
-            passage_distance_m: [0.35, 0.7],
-            passage_height_m: [0.3, 1.0],
-            passage_s: [0.65, 0.9],
+            passage_distance_m: Span([0.35, 0.7]),
+            passage_height_m: Span([0.3, 1.0]),
+            passage_s: Span([0.65, 0.9]),
             arm_length_m: 0.99,
             flights: Vec::new(),
         }
     }
 }
 
-/// Entries of a throw's file about its recordings.
-#[derive(Debug, Clone, Copy)]
-pub struct Recordings<'a> {
-    /// Folder of the recordings, as the file names it.
-    pub tracks: &'a str,
-    /// Axis of the recordings that points up, if the file names it.
-    pub up: Option<Vector3<f64>>,
-}
+/// Reads the recordings that a throw's file names: their folder, and the axis in them that points up if the
+/// file names it.
+pub type ReadTracks<'a> = &'a dyn Fn(&str, Option<Vector3<f64>>) -> Result<Vec<RecordedFlight>, InputError>;
 
 /// Lowest height of a release, and the latest time of a passage.
 const LEAST_RELEASE_M: f64 = 0.2;
@@ -172,20 +159,8 @@ const PASSAGE_STEP_S: f64 = 0.01;
 
 impl RecordedMotion {
     /// Completes the motion by the recordings that `read` finds.
-    pub fn with_recordings(
-        self,
-        file: &str,
-        read: &dyn Fn(&Recordings) -> Result<Vec<RecordedFlight>, InputError>,
-    ) -> Result<Self, InputError> {
-        for (field, range) in [
-            ("azimuth_deg", self.azimuth_deg),
-            ("passage_distance_m", self.passage_distance_m),
-            ("passage_height_m", self.passage_height_m),
-            ("passage_s", self.passage_s),
-        ] {
-            check_range(file, field, range)?;
-        }
-        let flights = read(&Recordings { tracks: &self.tracks, up: self.up.map(|it| it.direction().into_inner()) })?;
+    pub fn with_recordings(self, file: &str, read: ReadTracks) -> Result<Self, InputError> {
+        let flights = read(&self.tracks, self.up.map(|it| it.direction().into_inner()))?;
         if flights.is_empty() {
             return Err(InputError::new(file, "motion.tracks", "no recording", "one or more"));
         }
@@ -196,7 +171,7 @@ impl RecordedMotion {
     pub fn for_arm(&self, length_m: f64) -> Self {
         let scale = (length_m / self.arm_length_m).min(1.0);
         let [passage_distance_m, passage_height_m] =
-            [self.passage_distance_m, self.passage_height_m].map(|range| range.map(|it| it * scale));
+            [self.passage_distance_m, self.passage_height_m].map(|range| range.scaled(scale));
         Self { passage_distance_m, passage_height_m, ..self.clone() }
     }
 
@@ -219,10 +194,10 @@ impl RecordedMotion {
             let from = flight.states().last().filter(|_| follows).unwrap_or(flight.release());
             flown(from.position, from.velocity, time_s - from.time_s, conditions)
         };
-        let azimuth_rad = draws.between(self.azimuth_deg).to_radians();
-        let distance_m = draws.between(self.passage_distance_m);
-        let height_m = draws.between(self.passage_height_m);
-        let mut time_s = draws.between(self.passage_s);
+        let azimuth_rad = draws.between(self.azimuth_deg.0).to_radians();
+        let distance_m = draws.between(self.passage_distance_m.0);
+        let height_m = draws.between(self.passage_height_m.0);
+        let mut time_s = draws.between(self.passage_s.0);
         let release_m = |time_s: f64| height_m + flight.release().position.z - at(time_s).0.z;
         while release_m(time_s) < LEAST_RELEASE_M && time_s < LATEST_PASSAGE_S {
             time_s += PASSAGE_STEP_S;
@@ -277,7 +252,7 @@ mod tests {
         let text = format!("[motion]\nkind = \"recorded\"\n{settings}");
         let flights =
             [Vector3::new(4.0, 3.0, 4.5), Vector3::new(-6.0, 0.1, 5.5)].map(|v| flight(v, 0.6, is_oriented)).to_vec();
-        Throw::from_toml_with("t.toml", &text, &|_| Ok(flights.clone())).unwrap()
+        Throw::from_toml_with("t.toml", &text, &|_, _| Ok(flights.clone())).unwrap()
     }
 
     fn calm() -> Conditions {
@@ -343,7 +318,7 @@ mod tests {
             ("tracks = \"nowhere\"", "motion.tracks"),
         ] {
             let text = format!("[motion]\nkind = \"recorded\"\n{text}");
-            let fault = Throw::from_toml_with("t.toml", &text, &|_| Ok(Vec::new())).unwrap_err().to_string();
+            let fault = Throw::from_toml_with("t.toml", &text, &|_, _| Ok(Vec::new())).unwrap_err().to_string();
             assert!(fault.contains(field), "{fault}");
         }
         let fault = Throw::from_toml("t.toml", "[motion]\nkind = \"recorded\"").unwrap_err().to_string();

@@ -106,7 +106,7 @@ fn the_arena_flies_as_free_flight_has_it() {
         let step = arena.truth().samples.len() - 1;
         let (X_WO, V_WO) = FreeFlight::new(&object, &release, &conditions, config.step_s).nth(step).unwrap();
         let mut calm = conditions;
-        calm.aerodynamics = Aerodynamics::NONE;
+        calm.aerodynamics = Aerodynamics::default();
         let (X_calm, _) = FreeFlight::new(&object, &release, &calm, config.step_s).nth(step).unwrap();
         let off_m = |X: &catch_body::Pose| (last.X_WO.translation.vector - X.translation.vector).norm();
         assert!(off_m(&X_WO) < 1e-6 && off_m(&X_calm) > 3e-3, "{index}: {} {}", off_m(&X_WO), off_m(&X_calm));

@@ -6,10 +6,7 @@
 
 use catch_body::Gripper;
 use catch_cell::GripperMove;
-use catch_sim::{
-    gripper_drive::{Gains, GripperDrive},
-    physics::WorldSettings,
-};
+use catch_sim::{gripper_drive::Gains, physics::WorldSettings};
 use nalgebra::Point3;
 
 use crate::setting;
@@ -36,7 +33,8 @@ fn is_caught(finger_mps: f64, delta_s: f64, step_s: f64) -> bool {
     let mut world = setting::fixed_hand(settings, p_WG, &gripper, OPEN_M, &ball, &release);
     // The table was made with this controller.
     let gains = Gains { stiffness_npm: 2500.0, damping_nspm: 20.0 };
-    let mut drive = GripperDrive::with_gains(&gripper, OPEN_M, gains);
+    let mut drive = setting::ideal_drive(&gripper, OPEN_M);
+    drive.gains = gains;
     drive.receive(&[GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 2.0 * finger_mps, force_n: 80.0 }], 0.0);
     for step in 0..(0.6 / step_s).round() as u32 {
         let state = world.state();

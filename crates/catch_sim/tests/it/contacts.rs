@@ -3,7 +3,7 @@
 use catch_body::Gripper;
 use catch_cell::GripperMove;
 use catch_sim::{
-    ThrownObject,
+    GripperDriveKind, ThrownObject,
     gripper_drive::{DRIVE_MASS_KG, GripperDrive},
     physics::{World, WorldSettings},
     random_streams::{Draws, Stream},
@@ -34,11 +34,11 @@ impl Grip {
         release.q_WO = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI / 32.0);
         let world = setting::fixed_hand(settings, p_WG, &gripper, width_m, object, &release);
         let mut drive = match settings.drive_mass_kg {
-            0.0 => GripperDrive::new(&gripper, width_m),
+            0.0 => setting::ideal_drive(&gripper, width_m),
             _ => {
                 let mut prompt = gripper.clone();
                 prompt.drive.latency_s = 0.0;
-                GripperDrive::real(&prompt, width_m, &mut Draws::new(Stream::Gripper, 0, 0))
+                GripperDrive::new(GripperDriveKind::Real, &prompt, width_m, &mut Draws::new(Stream::Gripper, 0, 0))
             }
         };
         drive.receive(&[GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 0.4, force_n }], 0.0);
@@ -257,7 +257,7 @@ fn ideal_fingers_reach_a_tennis_ball_in_five_milliseconds() {
     let release = setting::release([5.0, 5.0, 5.0], [0.0; 3]);
     let hand = Point3::new(0.0, 0.0, 2.0);
     let mut world = setting::fixed_hand(setting::settings(0.6, 0.5), hand, &gripper, 0.11, &ball, &release);
-    let mut drive = GripperDrive::new(&gripper, 0.11);
+    let mut drive = setting::ideal_drive(&gripper, 0.11);
     drive.receive(&[GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: f64::INFINITY, force_n: 80.0 }], 0.0);
     let mut steps = 0u32;
     while world.state().finger_m.iter().sum::<f64>() > 0.0672 {

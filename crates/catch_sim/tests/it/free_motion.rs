@@ -1,9 +1,6 @@
 //! The arm falling freely, against MuJoCo; `tests/golden/README.md` says how the numbers were made.
 
-use catch_sim::{
-    gripper_drive::GripperDrive,
-    physics::{Mount, World, WorldSettings},
-};
+use catch_sim::physics::{World, WorldSettings};
 use serde::Deserialize;
 
 use crate::setting;
@@ -40,8 +37,8 @@ fn largest_error(case: &Case, width_m: f64, step_s: f64) -> f64 {
     let q = robot.joint_vector(&case.samples[0].q).unwrap();
     let (object, release) = (setting::object("tennis_ball"), setting::release([9.0, 9.0, 9.0], [0.0; 3]));
     let settings = WorldSettings { step_s, ..setting::settings(0.6, 0.0) };
-    let mut world = World::new(settings, Mount::Arm { robot: &robot, q: &q }, &gripper, width_m, (&object, &release));
-    let mut drive = GripperDrive::new(&gripper, width_m);
+    let mut world = World::new(settings, (&robot, &q), &gripper, width_m, (&object, &release));
+    let mut drive = setting::ideal_drive(&gripper, width_m);
     let mut largest = 0.0f64;
     let mut step = 0u32;
     for sample in &case.samples {

@@ -4,6 +4,7 @@
 use catch_body::DriveControl;
 use catch_cell::{GraspState, GripperMove, GripperState};
 use catch_sim::{
+    GripperDriveKind,
     gripper_drive::{DRIVE_MASS_KG, GripperDrive},
     physics::{World, WorldSettings},
     random_streams::{Draws, Stream},
@@ -17,7 +18,7 @@ const STEP_S: f64 = 1e-3;
 fn drive(index: u64) -> GripperDrive {
     let gripper = setting::gripper();
     let mut draws = Draws::new(Stream::Gripper, 5, index);
-    GripperDrive::real(&gripper, gripper.max_width_m, &mut draws)
+    GripperDrive::new(GripperDriveKind::Real, &gripper, gripper.max_width_m, &mut draws)
 }
 
 fn close_at(start_s: f64) -> GripperMove {
@@ -176,7 +177,7 @@ fn drives_obey_what_they_can() {
     let width_after_m = |control: DriveControl, width_m: f64| {
         let mut gripper = setting::gripper();
         gripper.drive.control = control;
-        let mut drive = GripperDrive::new(&gripper, gripper.max_width_m);
+        let mut drive = setting::ideal_drive(&gripper, gripper.max_width_m);
         let crawl = GripperMove { start_s: 0.0, width_m, speed_mps: 0.01, force_n: 1.0 };
         drive.receive(&[crawl], 0.0);
         let mut world = hand(false);
@@ -194,7 +195,7 @@ fn drives_obey_what_they_can() {
 fn light_fingers_do_not_chatter() {
     let mut gripper = setting::gripper();
     gripper.finger_mass_kg = 0.015;
-    let mut drive = GripperDrive::new(&gripper, gripper.max_width_m);
+    let mut drive = setting::ideal_drive(&gripper, gripper.max_width_m);
     drive.receive(&[GripperMove { start_s: 0.0, width_m: 0.06, speed_mps: f64::INFINITY, force_n: 70.0 }], 0.0);
     let p_WG = Point3::new(0.0, 0.0, 2.0);
     let release = setting::release([3.0, 0.0, 2.0], [0.0; 3]);

@@ -1,6 +1,7 @@
 //! Physics, servo and truth of the arena, against theory and against another engine.
 
 mod aerodynamics;
+mod allocation;
 mod catch_table;
 mod contacts;
 mod energy;

@@ -79,7 +79,7 @@ fn the_sensor_closes_the_gripper_whatever_is_commanded() {
 #[test]
 fn what_turns_about_another_centre_of_mass_keeps_it_on_its_parabola() {
     let bottle = setting::object("pill_bottle");
-    let published = bottle.as_published().unwrap();
+    let published = *bottle.as_published.unwrap();
     assert_eq!(bottle.com_O, Point3::origin());
     let com_O = published.com_O;
     assert!(com_O.coords.norm() > 0.08);
@@ -106,7 +106,7 @@ fn what_turns_about_another_centre_of_mass_keeps_it_on_its_parabola() {
 /// from its velocity there, by `coasted` and from the release on by `FreeFlight`.
 #[test]
 fn free_flight_is_that_of_the_centre_of_mass() {
-    let published = setting::object("pill_bottle").as_published().unwrap();
+    let published = *setting::object("pill_bottle").as_published.unwrap();
     let release = Release {
         q_WO: UnitQuaternion::from_euler_angles(0.4, 1.0, -0.7),
         omega_WO: Vector3::new(9.0, -14.0, 5.0),
@@ -142,7 +142,7 @@ fn free_flight_is_that_of_the_centre_of_mass() {
 #[test]
 fn the_published_banana_has_the_box_of_the_authors_mesh() {
     let banana = setting::object("banana");
-    let published = banana.as_published().unwrap();
+    let published = banana.as_published.as_deref().unwrap();
     let from_origin: Vec<Vector3<f64>> =
         published.mesh.vertices.iter().map(|vertex| vertex - published.origin_O).collect();
     let corner = |of: fn(f64, f64) -> f64| from_origin.iter().copied().reduce(|a, b| a.zip_map(&b, of)).unwrap();

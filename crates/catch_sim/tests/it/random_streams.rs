@@ -127,7 +127,7 @@ fn switching_one_thing_on_changes_nothing_else() {
         assert_eq!((drag.drag_per_m, drag.friction), (full.drag_per_m, calm.friction));
         let aerodynamics = scene(&ArenaConfig { aerodynamics: all.aerodynamics, ..paper() }, index);
         assert_eq!(aerodynamics.0.aerodynamics, full.aerodynamics);
-        assert_eq!((calm.aerodynamics, aerodynamics.1), (Aerodynamics::NONE, calm_release));
+        assert_eq!((calm.aerodynamics, aerodynamics.1), (Aerodynamics::default(), calm_release));
         let errors = scene(&ArenaConfig { robot_errors: all.robot_errors, ..paper() }, index).0;
         assert_eq!(errors.true_robot(&setting::robot()), full.true_robot(&setting::robot()));
     }

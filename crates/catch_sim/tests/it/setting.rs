@@ -2,8 +2,10 @@
 
 use catch_body::{Gripper, InputError, JointVector, Pose, Robot, robot_file::RobotFiles};
 use catch_sim::{
-    Arena, ArenaConfig, Conditions, Equipment, Release, ThrownObject,
-    physics::{Loads, Mount, World, WorldSettings},
+    Arena, ArenaConfig, Conditions, Equipment, GripperDriveKind, Release, ThrownObject,
+    gripper_drive::GripperDrive,
+    physics::{Loads, World, WorldSettings},
+    random_streams::{Draws, Stream},
 };
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
@@ -63,6 +65,13 @@ pub fn no_loads() -> Loads {
     }
 }
 
+/// An arm without links and joints, at whose end frame G is at `p_WG`, its axes along the world's.
+pub fn fixed_mount(p_WG: Point3<f64>) -> Robot {
+    let robot = robot();
+    let (joints, capsules) = (Vec::new(), Vec::new());
+    Robot { joints, capsules, X_WB: Pose::translation(p_WG.x, p_WG.y, p_WG.z), X_LG: Pose::identity(), ..robot }
+}
+
 /// A hand fixed in the world, frame G at `p_WG`, its axes along the world's.
 pub fn fixed_hand(
     settings: WorldSettings,
@@ -72,13 +81,19 @@ pub fn fixed_hand(
     object: &ThrownObject,
     release: &Release,
 ) -> World {
-    World::new(settings, Mount::Fixed(Pose::translation(p_WG.x, p_WG.y, p_WG.z)), gripper, width_m, (object, release))
+    let mount = (&fixed_mount(p_WG), &JointVector::zeros());
+    World::new(settings, mount, gripper, width_m, (object, release))
 }
 
 /// An arena without cameras.
 pub fn arena(config: &ArenaConfig, object: &str, release: &Release, ready_q: &JointVector) -> Arena {
     let equipment = Equipment::new(config.clone(), robot(), gripper(), self::object(object), Vec::new());
     Arena::new(&equipment, release, ready_q, 0, 0)
+}
+
+/// An ideal drive of a gripper that is this wide open.
+pub fn ideal_drive(gripper: &Gripper, width_m: f64) -> GripperDrive {
+    GripperDrive::new(GripperDriveKind::Ideal, gripper, width_m, &mut Draws::new(Stream::Gripper, 0, 0))
 }
 
 /// Conditions without any effect besides the throw itself.

@@ -16,7 +16,7 @@ use catch_cell::{Brain, CameraModel, Cell, DepthFrame};
 use catch_sim::{
     Arena, Release,
     cameras::DepthCameras,
-    random_streams::{Draws, Stream, seed_for},
+    random_streams::{Draws, Stream},
 };
 use nalgebra::{Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
 
@@ -156,7 +156,7 @@ pub fn observe_flights(
     }
     let cameras = calibrated_cameras(believed, &calibration.cameras);
     let known = Arc::new(setup.knowledge().preparation(&setup.uncalibrated_config(seed, index), cameras));
-    let thrown = seed_for(Stream::Calibration, seed, index);
+    let thrown = Draws::new(Stream::Calibration, seed, index).bits();
     let mut arena = Arena::new(setup.equipment(), &setup.release(thrown, 0), &setup.robot.ready_q, seed, index);
     let observed = (0..flights as u64).map(|flight| {
         if flight > 0 {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use catch_body::{Gripper, Robot};
 use catch_bot::Preparation;
 use catch_cell::{CameraModel, KnownObject};
-use catch_sim::random_streams::{Stream, seed_for};
+use catch_sim::random_streams::{Draws, Stream};
 
 use super::{CHECKED, Setup, calibration::CalibratedCameras};
 use catch_recording::{
@@ -32,7 +32,8 @@ pub struct Knowledge<'a> {
 impl Knowledge<'_> {
     /// The brain's settings in one scene, complete, with what a calibration found where there was one.
     pub(crate) fn config(&self, calibrated: Option<&CalibratedCameras>, seed: u64, index: u64) -> BrainSettings {
-        let mut config = BrainSettings { seed: seed_for(Stream::Brain, seed, index), ..self.settings.clone() };
+        let own_seed = Draws::new(Stream::Brain, seed, index).bits();
+        let mut config = BrainSettings { seed: own_seed, ..self.settings.clone() };
         if let Some(calibrated) = calibrated {
             let p_WG = self.robot.gripper_pose(&self.robot.ready_q).translation.vector.into();
             let (rotated_rad, systematic_m) = (&mut config.perception.camera_sd_rad, calibrated.position_sd_m(&p_WG));

@@ -108,7 +108,8 @@ impl Parts {
             return Ok(thrown);
         }
         let expected = "the table [published], or arena.published_bodies = false";
-        thrown.as_published().ok_or_else(|| InputError::new(&self.object.file, "published", "nothing", expected))
+        let published = thrown.as_published.map(|it| *it);
+        published.ok_or_else(|| InputError::new(&self.object.file, "published", "nothing", expected))
     }
 
     /// The cameras as their rig's file and their data sheet have them.

@@ -6,11 +6,11 @@ use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point3, Vector3};
 
 use crate::{
-    depth_noise::{DepthConfig, DepthModel, GaussianNoise, StereoNoise},
+    depth_noise::{DepthModel, GaussianNoise, StereoNoise},
     drawn::{Between, Drawn},
 };
 
-use super::{super::DepthCameras, *};
+use super::*;
 
 /// A camera that looks at the floor from a height, and its renderer; the object is out of sight, the arm
 /// behind it.
@@ -36,8 +36,8 @@ impl Wall {
     fn captured(&self, config: &DepthConfig, exposures: std::ops::Range<u64>) -> Vec<DepthFrame> {
         let cameras = DepthCameras::new(std::slice::from_ref(&self.camera), config, 11, 2);
         let X_WL = iiwa().link_poses(&JointVector::zeros());
-        let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &Pose::translation(0.0, 0.0, 1.0) };
-        let capture = |exposure| cameras.capture(&self.renderer, &scene, exposure, Readout::Full, false);
+        let scene = Scene { capture_s: 0.0, X_WL, width_m: 0.11, X_WO: Pose::translation(0.0, 0.0, 1.0) };
+        let capture = |exposure| captured(&cameras, &self.renderer, &scene, exposure, Readout::Full, false);
         exposures.flat_map(capture).collect()
     }
 }
@@ -64,6 +64,15 @@ fn missing() -> StereoNoise {
 
 fn stereo(noise: StereoNoise) -> DepthConfig {
     config(DepthModel::Stereo(noise))
+}
+
+/// Standard deviation of a depth, for stereo to first order in the disparity's error.
+fn sd_m(model: &DepthModel, z_m: f64, focal_px: f64) -> f64 {
+    match model {
+        DepthModel::Perfect => 0.0,
+        DepthModel::Gaussian(noise) => noise.sd_m,
+        DepthModel::Stereo(noise) => noise.inverse_depth_sd_per_m(focal_px) * z_m * z_m,
+    }
 }
 
 /// Mean and variance of numbers, and how many there are.
@@ -93,7 +102,7 @@ fn the_spread_of_a_depth_is_that_of_the_formula() {
             let wall = Wall::at(z_m);
             let frames = wall.captured(&config(model.clone()), 0..1);
             let depths = || frames[0].depth_m.iter().map(|depth| f64::from(*depth));
-            let sd_m = model.sd_m(z_m, wall.camera.focal_px);
+            let sd_m = sd_m(&model, z_m, wall.camera.focal_px);
             let (mean, variance, count) = if model.stereo().is_some() {
                 // The error of the disparity is the normal one: σ(1/z) = σ(z)/z² exactly, σ(z) itself to
                 // first order.
@@ -126,12 +135,12 @@ fn an_image_has_its_fraction_of_the_error_in_common() {
         let config = stereo(StereoNoise { common_fraction, ..StereoNoise::default() });
         let cameras = DepthCameras::new(std::slice::from_ref(&wall.camera), &config, 1, 0);
         let X_WL = iiwa().link_poses(&JointVector::zeros());
-        let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &Pose::translation(0.0, 0.0, 1.0) };
+        let scene = Scene { capture_s: 0.0, X_WL, width_m: 0.11, X_WO: Pose::translation(0.0, 0.0, 1.0) };
         let window = [PixelWindow { left: 190, top: 140, width: 20, height: 20 }];
         let sd = 0.08 / (wall.camera.focal_px * 0.095);
         let (mut means, mut within) = (Vec::new(), 0.0);
         for exposure in 0..FRAMES {
-            let frames = cameras.capture(&wall.renderer, &scene, exposure, Readout::Windows(&window), false);
+            let frames = captured(&cameras, &wall.renderer, &scene, exposure, Readout::Windows(&window), false);
             let errors = frames[0].depth_m.iter().map(|depth| (1.0 / f64::from(*depth) - 1.0 / z_m) / sd);
             let (mean, variance, count) = moments(errors);
             means.push(mean);
@@ -166,7 +175,7 @@ fn the_fraction_of_pixels_is_missing_that_should_be() {
     let without = Wall::at(3.0).captured(&stereo(noise), 0..1);
     let errors = with[0].depth_m.iter().zip(&without[0].depth_m).filter(|(with, _)| with.is_nan());
     let (mean, variance, count) = moments(errors.map(|(_, without)| f64::from(*without) - 3.0));
-    let sd_m = bare().sd_m(3.0, 362.13);
+    let sd_m = sd_m(&bare(), 3.0, 362.13);
     assert!(mean.abs() < 4.0 * sd_m / count.sqrt() + 1e-4, "{mean}");
     assert!((variance.sqrt() / sd_m - 1.0).abs() < 0.02, "{variance}");
 }
@@ -217,9 +226,9 @@ fn edges_bleed_and_pixels_fly() {
     let X_WO = Pose::translation(300.0, 0.0, 1.2);
     let cuboid = Cuboid { centre: Point3::origin(), size: Vector3::new(0.1, 0.07, 0.02) };
     let renderer = renderer(&TriangleMesh::cuboid(&cuboid), true);
-    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WO };
+    let scene = Scene { capture_s: 0.0, X_WL, width_m: 0.11, X_WO };
     let rig = std::slice::from_ref(&wall.camera);
-    let exact = renderer.render(rig, &scene, Readout::Full, true).swap_remove(0);
+    let exact = exact_images(&renderer, rig, &scene, Readout::Full, true).swap_remove(0);
     let (wide, high) = (400_i64, 300_i64);
     let depth = |x: i64, y: i64| f64::from(exact.depth_m[(y * wide + x) as usize]);
     let cameras = DepthCameras::new(rig, &stereo(noise), 2, 3);
@@ -228,7 +237,7 @@ fn edges_bleed_and_pixels_fly() {
     // between.
     let (mut behind, mut before, mut between) = ([0.0; 3], [0.0; 3], Vec::new());
     for exposure in 0..EXPOSURES {
-        let frame = cameras.capture(&renderer, &scene, exposure, Readout::Windows(&window), true).swap_remove(0);
+        let frame = captured(&cameras, &renderer, &scene, exposure, Readout::Windows(&window), true).swap_remove(0);
         for (i, found) in frame.depth_m.iter().map(|depth| f64::from(*depth)).enumerate() {
             let (x, y) = (150 + i as i64 % 120, 90 + i as i64 / 120);
             let around = (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (x + dx, y + dy)));
@@ -288,11 +297,11 @@ fn the_fraction_of_images_is_lost_that_should_be() {
     let config = DepthConfig { lost_frame_fraction: fraction, ..DepthConfig::default() };
     let cameras = DepthCameras::new(&cameras, &config, 0, 9);
     let (X_WL, renderer) = (iiwa().link_poses(&JointVector::zeros()), renderer(&ball(), false));
-    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &Pose::translation(0.0, 0.0, 1.0) };
+    let scene = Scene { capture_s: 0.0, X_WL, width_m: 0.11, X_WO: Pose::translation(0.0, 0.0, 1.0) };
     let nothing = [PixelWindow::default(); 20];
     let (mut lost, mut pairs, mut by_camera) = (0.0, 0.0, [0.0; 20]);
     for exposure in 0..EXPOSURES {
-        let frames = cameras.capture(&renderer, &scene, exposure, Readout::Windows(&nothing), false);
+        let frames = captured(&cameras, &renderer, &scene, exposure, Readout::Windows(&nothing), false);
         let missing = 20.0 - frames.len() as f64;
         lost += missing;
         pairs += missing * (missing - 1.0) / 2.0;
@@ -316,7 +325,7 @@ fn images_are_lost_in_bursts() {
     const EXPOSURES: u64 = 4000;
     let rig = flight_rig();
     let (X_WL, renderer) = (iiwa().link_poses(&JointVector::zeros()), renderer(&ball(), false));
-    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &Pose::translation(0.0, 0.0, 1.0) };
+    let scene = Scene { capture_s: 0.0, X_WL, width_m: 0.11, X_WO: Pose::translation(0.0, 0.0, 1.0) };
     let nothing = [PixelWindow::default(); 20];
     let (fraction, persistence) = (0.1, 0.75);
     let config =
@@ -324,7 +333,7 @@ fn images_are_lost_in_bursts() {
     let cameras = DepthCameras::new(&rig, &config, 3, 1);
     let (mut lost, mut runs, mut lost_before) = (0.0, 0.0, [false; 20]);
     for exposure in 0..EXPOSURES {
-        let frames = cameras.capture(&renderer, &scene, exposure, Readout::Windows(&nothing), false);
+        let frames = captured(&cameras, &renderer, &scene, exposure, Readout::Windows(&nothing), false);
         for (camera, before) in lost_before.iter_mut().enumerate() {
             let is_lost = frames.iter().all(|frame| frame.camera != camera);
             lost += f64::from(u8::from(is_lost));
@@ -366,11 +375,11 @@ fn patches_of_the_object_give_no_depth() {
         .map(|away| CameraModel::with_field_of_view(look_at(&(centre + away), &centre), 120, 120, 0.1));
     let (X_WL, renderer) = (iiwa().link_poses(&JointVector::zeros()), renderer(&long_object(), false));
     let X_WO = Pose::translation(centre.x, centre.y, centre.z);
-    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WO };
+    let scene = Scene { capture_s: 0.0, X_WL, width_m: 0.11, X_WO };
     let config = |fraction| DepthConfig { hole_fraction: fraction, ..DepthConfig::default() };
     let images = |config: &DepthConfig, index, exposure| {
         let cameras = DepthCameras::new(&rig, config, 8, index);
-        cameras.capture(&renderer, &scene, exposure, Readout::Object, true)
+        captured(&cameras, &renderer, &scene, exposure, Readout::Object, true)
     };
     let (mut fractions, mut pairs, mut same) = (Vec::new(), 0.0, 0.0);
     for index in 0..THROWS {
@@ -400,7 +409,7 @@ fn patches_of_the_object_give_no_depth() {
     assert!(same / pairs > 0.8, "patches are coherent: {}", same / pairs);
     // Without labels the same is missing, and nothing tells.
     let cameras = DepthCameras::new(&rig, &config(Drawn::Always(fraction)), 8, 0);
-    let unlabelled = cameras.capture(&renderer, &scene, 0, Readout::Object, false);
+    let unlabelled = captured(&cameras, &renderer, &scene, 0, Readout::Object, false);
     for (with, without) in images(&config(Drawn::Always(fraction)), 0, 0).iter().zip(&unlabelled) {
         assert_eq!((bits(with), &without.mask), (bits(without), &None));
     }
@@ -489,9 +498,9 @@ fn with_any_model_a_window_equals_that_part_of_the_full_image_bit_for_bit() {
         for floor_visible in [false, true] {
             let renderer = renderer(&long_object(), floor_visible);
             let (q, width_m, X_WO) = &scenes()[3];
-            let scene = Scene { capture_s: 0.3, X_WL: &robot.link_poses(q), width_m: *width_m, X_WO };
+            let scene = Scene { capture_s: 0.3, X_WL: robot.link_poses(q), width_m: *width_m, X_WO: *X_WO };
             let cameras = DepthCameras::new(&rig, &config, 5, 6);
-            let full = cameras.capture(&renderer, &scene, 17, Readout::Full, true);
+            let full = captured(&cameras, &renderer, &scene, 17, Readout::Full, true);
             let windows: Vec<PixelWindow> = (0..20)
                 .map(|i| PixelWindow { left: 20 * i, top: 15 * i, width: 60 + i, height: 80 })
                 .chain([PixelWindow { left: 170, top: 130, width: 1, height: 1 }])
@@ -507,8 +516,8 @@ fn with_any_model_a_window_equals_that_part_of_the_full_image_bit_for_bit() {
                 Readout::Windows(&windows),
                 Readout::Windows(&off_the_object),
             ] {
-                again.capture(&renderer, &scene, 3, readout, false);
-                let part = again.capture(&renderer, &scene, 17, readout, true);
+                captured(&again, &renderer, &scene, 3, readout, false);
+                let part = captured(&again, &renderer, &scene, 17, readout, true);
                 assert_eq!(part.len(), full.len(), "the same images are lost");
                 for (frame, full) in part.iter().zip(&full) {
                     let expected = cut(full, frame.window);
@@ -526,11 +535,11 @@ fn every_camera_exposure_and_scene_has_noise_of_its_own() {
     let wall = Wall::at(2.0);
     let rig = vec![wall.camera.clone(); 2];
     let X_WL = iiwa().link_poses(&JointVector::zeros());
-    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &Pose::translation(0.0, 0.0, 1.0) };
+    let scene = Scene { capture_s: 0.0, X_WL, width_m: 0.11, X_WO: Pose::translation(0.0, 0.0, 1.0) };
     let window = [PixelWindow { left: 0, top: 0, width: 50, height: 50 }; 2];
     let errors = |seed, index, exposure| {
         let cameras = DepthCameras::new(&rig, &stereo(missing()), seed, index);
-        cameras.capture(&wall.renderer, &scene, exposure, Readout::Windows(&window), false)
+        captured(&cameras, &wall.renderer, &scene, exposure, Readout::Windows(&window), false)
     };
     let mut all = Vec::new();
     for (seed, index, exposure) in [(0, 0, 0), (0, 0, 1), (0, 1, 0), (1, 0, 0)] {

@@ -38,8 +38,8 @@ fn seen(rig: &str, throw: &str, throws: u64) -> Vec<Flight> {
         let mut flight = Flight::default();
         for tick in 0..passage.unwrap() {
             let X_WO = Pose::from(at(f64::from(tick) / 100.0).coords);
-            let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WO };
-            let frames = renderer.render(&cameras, &scene, Readout::Object, true);
+            let scene = Scene { capture_s: 0.0, X_WL, width_m: 0.11, X_WO };
+            let frames = exact_images(&renderer, &cameras, &scene, Readout::Object, true);
             let pixels = |frame: &catch_cell::DepthFrame| frame.mask.iter().flatten().filter(|shown| **shown).count();
             let seeing = frames.iter().filter(|frame| pixels(frame) >= MIN_PIXELS).count();
             flight.cameras.push(seeing);
