@@ -37,29 +37,27 @@ def scene(setup: cb.Setup, seed: int, index: int, drawn: dict) -> mujoco.MjModel
     model.body_pos[hand] = off[:3, 3]
     mujoco.mju_mat2Quat(model.body_quat[hand], off[:3, :3].flatten())
     model.pair_friction[:, :2] = max(drawn["friction"], 1e-5)
-    time_constant, ratio = model.pair_solref[0]
-    rate = 1 / (time_constant * ratio)
-    ratio = damping_ratio(round(drawn["restitution"], 2), rate)
-    model.pair_solref[:] = 1 / (rate * ratio), ratio
+    stiffness, impedance = -model.pair_solref[0, 0], model.pair_solimp[0, 0]
+    model.pair_solref[:, 1] = -damping(round(drawn["restitution"], 2), stiffness, impedance)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
 
 
 BENCH = """
 <mujoco>
-  <option timestep="0.0005" cone="elliptic"/>
+  <option timestep="0.0005" cone="elliptic" impratio="100"/>
   <worldbody>
     <geom name="floor" type="plane" size="1 1 1"/>
     <body pos="0 0 0.0301"><freejoint/><geom name="ball" size="0.03" mass="0.1"/></body>
   </worldbody>
-  <contact><pair geom1="ball" geom2="floor" solref="{} {}" solreffriction="0.0035 1" solimp="0.95 0.99 0.001 0.5 2"/></contact>
+  <contact><pair geom1="ball" geom2="floor" solref="-{} -{}" solreffriction="0.0035 1" solimp="{} {} 0.001 0.5 2"/></contact>
 </mujoco>
 """
 
 
-def bounce(ratio: float, rate: float) -> float:
-    """How fast a ball that meets the floor at 3 m/s leaves it, as a fraction."""
-    model = mujoco.MjModel.from_xml_string(BENCH.format(1 / (rate * ratio), ratio))
+def bounce(damped: float, stiffness: float, impedance: float) -> float:
+    """How fast a ball that meets the floor at 3 m/s leaves it, as a fraction; stiffness and damping are for each kilogram."""
+    model = mujoco.MjModel.from_xml_string(BENCH.format(stiffness, damped, impedance, impedance))
     data = mujoco.MjData(model)
     data.qvel[2] = -3.0
     mujoco.mj_step(model, data, 60)
@@ -67,10 +65,10 @@ def bounce(ratio: float, rate: float) -> float:
 
 
 @cache
-def damping_ratio(restitution: float, rate: float) -> float:
-    """The damping ratio of contacts with this restitution, by bisection."""
-    low, high = 0.02, 1.0
+def damping(restitution: float, stiffness: float, impedance: float) -> float:
+    """The damping of contacts with this restitution, by bisection."""
+    low, high = 0.0, 2 * np.sqrt(stiffness / impedance)
     for _ in range(12):
         middle = (low + high) / 2
-        low, high = (middle, high) if bounce(middle, rate) > restitution else (low, middle)
+        low, high = (middle, high) if bounce(middle, stiffness, impedance) > restitution else (low, middle)
     return high

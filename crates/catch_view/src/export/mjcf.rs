@@ -16,8 +16,12 @@ use catch_lab::scenario::setup::Setup;
 use catch_sim::{GripperDriveKind, Release, ThrownObject, gripper_drive::DRIVE_MASS_KG, object::ColliderPart};
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
-/// Highest rate of a contact's spring in 1/s: MuJoCo takes no time constant below two steps.
+/// Highest rate of a contact's spring in 1/s, for steps of 0.5 ms.
 const MOST_PER_S: f64 = 1000.0;
+/// Impedances of contacts with a hard object, and with a soft one. Under a constant load a contact of MuJoCo
+/// is stiffer than in an impact, by 1/(1 − impedance): a soft object is to be as soft in both.
+const HARD_IMPEDANCE: f64 = 0.9;
+const SOFT_IMPEDANCE: f64 = 0.1;
 /// Radius of the patch with which a hard object resists rotation about the normal.
 const HARD_PATCH_M: f64 = 5e-4;
 
@@ -50,7 +54,7 @@ pub fn scene(setup: &Setup, seed: u64, index: u64) -> String {
     format!(
         "<mujoco model=\"{name}\">\n\
          <compiler angle=\"radian\" autolimits=\"true\"/>\n\
-         <option timestep=\"0.0005\" cone=\"elliptic\" gravity=\"0 0 -9.81\"/>\n\
+         <option timestep=\"0.0005\" cone=\"elliptic\" impratio=\"100\" gravity=\"0 0 -9.81\"/>\n\
          <default><geom contype=\"0\" conaffinity=\"0\"/></default>\n\
          <asset>\n{shapes}</asset>\n\
          <worldbody>\n{world}{body}</worldbody>\n\
@@ -166,11 +170,14 @@ fn contact_attributes(setup: &Setup) -> String {
     let ratio = -log / libm::hypot(log, std::f64::consts::PI);
     let [low, high] = object.friction.unwrap_or(setup.scenario.arena.friction).bounds();
     let friction = f64::midpoint(low, high).max(1e-5);
-    // Restitution by `solref` must not weaken the friction: that has a time constant of its own.
+    let impedance = object.stiffness_npm.map_or(HARD_IMPEDANCE, |_| SOFT_IMPEDANCE);
+    // Stiffness and damping for each kilogram. Restitution must not weaken the friction, which has a time
+    // constant of its own, nor may softness, which `impratio` sees to.
     format!(
-        "condim=\"4\" friction=\"{}\" solref=\"{}\" solreffriction=\"0.0035 1\" solimp=\"0.95 0.99 0.001 0.5 2\"",
+        "condim=\"4\" friction=\"{}\" solref=\"{}\" solreffriction=\"0.0035 1\" solimp=\"{}\"",
         numbers([friction, friction, torsion_m, 1e-4, 1e-4]),
-        numbers([1.0 / (rate_per_s * ratio), ratio]),
+        numbers([-impedance * rate_per_s * rate_per_s, -2.0 * ratio * rate_per_s]),
+        numbers([impedance, impedance, 0.001, 0.5, 2.0]),
     )
 }
 
