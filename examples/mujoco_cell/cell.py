@@ -211,7 +211,7 @@ class MujocoCell:
         if self.time_s >= self.contact_s + 0.15:
             # What is held does not bounce: the same stiffness, critically damped.
             solref = self.model.pair_solref
-            solref[:, 1] = -2 * np.sqrt(-solref[:, 0] / self.model.pair_solimp[0, 0])
+            solref[:, 1] = -2 * np.sqrt(-solref[:, 0])
         # A tumbling object needs an integrator of higher order; contacts need none.
         is_far = np.linalg.norm(data.body("object").xpos - data.body("gripper").xpos) > 0.3
         options.integrator = mujoco.mjtIntegrator.mjINT_RK4 if is_far else mujoco.mjtIntegrator.mjINT_EULER

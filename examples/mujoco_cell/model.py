@@ -67,7 +67,7 @@ def bounce(damped: float, stiffness: float, impedance: float) -> float:
 @cache
 def damping(restitution: float, stiffness: float, impedance: float) -> float:
     """The damping of contacts with this restitution, by bisection."""
-    low, high = 0.0, 2 * np.sqrt(stiffness / impedance)
+    low, high = 0.0, 2 * np.sqrt(stiffness)
     for _ in range(12):
         middle = (low + high) / 2
         low, high = (middle, high) if bounce(middle, stiffness, impedance) > restitution else (low, middle)

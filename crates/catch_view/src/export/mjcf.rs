@@ -19,7 +19,7 @@ use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 /// Highest rate of a contact's spring in 1/s, for steps of 0.5 ms.
 const MOST_PER_S: f64 = 1000.0;
 /// Impedances of contacts with a hard object, and with a soft one. Under a constant load a contact of MuJoCo
-/// is stiffer than in an impact, by 1/(1 − impedance): a soft object is to be as soft in both.
+/// is stiffer than in an impact, by 1/(1 − impedance). A soft object is as stiff as its file says under load.
 const HARD_IMPEDANCE: f64 = 0.9;
 const SOFT_IMPEDANCE: f64 = 0.1;
 /// Radius of the patch with which a hard object resists rotation about the normal.
@@ -161,7 +161,12 @@ fn contact_attributes(setup: &Setup) -> String {
     let Setup { object, gripper, .. } = setup;
     let finger_kg = gripper.finger_mass_kg + DRIVE_MASS_KG;
     let reduced_kg = object.mass_kg * finger_kg / (object.mass_kg + finger_kg);
-    let rate_per_s = object.stiffness_npm.map_or(MOST_PER_S, |it| (it / reduced_kg).sqrt().min(MOST_PER_S));
+    // Of a spring in an impact, for each kilogram.
+    let (stiffness, impedance) = match object.stiffness_npm {
+        Some(it) => (it / reduced_kg * (1.0 - SOFT_IMPEDANCE), SOFT_IMPEDANCE),
+        None => (f64::INFINITY, HARD_IMPEDANCE),
+    };
+    let rate_per_s = stiffness.sqrt().min(MOST_PER_S);
     let radius_m = object.mesh.aabb().size.min() / 2.0;
     let patch_m = |stiffness_npm: f64| (radius_m * gripper.max_force_n / stiffness_npm).sqrt() * 2.0 / 3.0;
     let torsion_m = object.stiffness_npm.map_or(HARD_PATCH_M, patch_m);
@@ -170,13 +175,12 @@ fn contact_attributes(setup: &Setup) -> String {
     let ratio = -log / libm::hypot(log, std::f64::consts::PI);
     let [low, high] = object.friction.unwrap_or(setup.scenario.arena.friction).bounds();
     let friction = f64::midpoint(low, high).max(1e-5);
-    let impedance = object.stiffness_npm.map_or(HARD_IMPEDANCE, |_| SOFT_IMPEDANCE);
-    // Stiffness and damping for each kilogram. Restitution must not weaken the friction, which has a time
-    // constant of its own, nor may softness, which `impratio` sees to.
+    // Neither restitution nor softness may weaken the friction: it has a time constant of its own, and
+    // `impratio`.
     format!(
         "condim=\"4\" friction=\"{}\" solref=\"{}\" solreffriction=\"0.0035 1\" solimp=\"{}\"",
         numbers([friction, friction, torsion_m, 1e-4, 1e-4]),
-        numbers([-impedance * rate_per_s * rate_per_s, -2.0 * ratio * rate_per_s]),
+        numbers([-rate_per_s * rate_per_s, -2.0 * ratio * rate_per_s]),
         numbers([impedance, impedance, 0.001, 0.5, 2.0]),
     )
 }
