@@ -61,7 +61,7 @@ impl Display for Quantity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { least, most, unit } = self;
         if *most == f64::MAX {
-            return f.write_str("a finite number");
+            return f.write_str(if *least < 0.0 { "a finite number" } else { "a finite number, not negative" });
         }
         let space = if unit.is_empty() { "" } else { " " };
         write!(f, "{least} to {most}{space}{unit}")

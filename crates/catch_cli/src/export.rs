@@ -35,8 +35,8 @@ pub struct ExportArguments {
     /// A LeRobotDataset of version 3.0 in this folder, with depth images
     #[arg(long, value_name = "DIR", group = "format")]
     lerobot: Option<PathBuf>,
-    /// The first throw's scene for MuJoCo in this folder, as scene.xml: arm, gripper, surroundings, cameras and
-    /// the object just released, all with their nominal values
+    /// The first throw's scene for MuJoCo in this folder, as scene.xml: arm, gripper, surroundings, cameras
+    /// and the object just released, all with their nominal values
     #[arg(long, value_name = "DIR", group = "format")]
     mjcf: Option<PathBuf>,
     /// Print one JSON document

@@ -59,6 +59,7 @@ fn arms_are_what_their_files_say() {
     for (source, expected) in [
         ("03-urdf-swapped-limits/arm.urdf", "joint joint_2: limit: found from 2.1 to -1.9"),
         ("06-urdf-mimic-in-arm/arm.urdf", "joint joint_4: found a joint that another drives"),
+        ("64-sdf-nested/thing.sdf", "found <sdf>, expected a URDF description of a robot"),
     ] {
         let fault = robot(source).unwrap_err();
         assert!(fault.contains(expected), "{source}: {fault}");

@@ -168,6 +168,14 @@ fn an_sdf_with_a_gltf_mesh_stands_as_its_simulator_has_it() {
     fs::write(&source, sdf.replace(&sdf[from..to], "")).unwrap();
     let (said, _) = imported(&source, &folder.path().join("bottle2.toml"), &[]);
     assert!(findings(&said).contains("mm from where the surface does"), "{}", findings(&said));
+    // Nothing that is left out is left out in silence.
+    let weight = "<link name=\"k\"><inertial><mass>0.05</mass></inertial></link></model>";
+    let mu = "<surface><friction><ode><mu>1e6</mu></ode></friction></surface></collision>";
+    fs::write(&source, sdf.replace("</model>", weight).replacen("</collision>", mu, 1)).unwrap();
+    let (said, _) = imported(&source, &folder.path().join("bottle3.toml"), &[]);
+    for expected in ["without the masses of other links: k", "a friction coefficient of 1000000 is none of a surface"] {
+        assert!(findings(&said).contains(expected), "{}", findings(&said));
+    }
 }
 
 /// A cloud of points in millimetres, without faces, with normals if wanted.

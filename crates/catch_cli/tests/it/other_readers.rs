@@ -2,6 +2,7 @@
 //! where pip has put them.
 
 mod descriptions;
+mod sdf;
 
 use std::{
     fs,

@@ -6,7 +6,7 @@ use super::{Description, Geometry, Link, Shape};
 use catch_body::{
     InputError, Pose,
     document::{Document, Harmless, Node},
-    quantity::{self, Quantity},
+    quantity::Quantity,
     robot::Inertia,
 };
 
@@ -24,10 +24,12 @@ const MOMENT_KGM2: Quantity = Quantity { least: -1e9, most: 1e9, unit: "kg·m²"
 /// Densities that are stated, and the one that SDF means where none is.
 const DENSITY_KGPM3: Quantity = Quantity { least: 0.0, most: 1e5, unit: "kg/m³" };
 const WATER_KGPM3: f64 = 1000.0;
+/// Friction coefficients, some of which are none of a surface: of some simulators -1 is that nothing slips.
+const FRICTION: Quantity = Quantity { least: -f64::MAX, most: f64::MAX, unit: "" };
 
 /// Names that only place, move, draw or sense; friction is found within `<surface>`.
 const HARMLESS: Harmless = &[
-    ("sdf", &["@version"]),
+    ("sdf", &["@version", "light"]),
     (
         "world",
         &[
@@ -64,6 +66,8 @@ const HARMLESS: Harmless = &[
             "gripper",
             "@canonical_link",
             "@placement_frame",
+            "drake:joint",
+            "drake:collision_filter_group",
         ],
     ),
     (
@@ -100,9 +104,17 @@ const HARMLESS: Harmless = &[
             "lod",
         ],
     ),
-    ("collision", &["@name", "laser_retro", "max_contacts", "surface"]),
-    ("mesh", &["@optimization", "convex_decomposition"]),
-    ("*", &["drake:proximity_properties", "drake:perception_properties", "drake:illustration_properties"]),
+    ("collision", &["@name", "@concave", "laser_retro", "max_contacts", "surface"]),
+    ("mesh", &["@optimization", "convex_decomposition", "drake:declare_convex"]),
+    (
+        "*",
+        &[
+            "drake:proximity_properties",
+            "drake:perception_properties",
+            "drake:illustration_properties",
+            "drake:accepting_renderer",
+        ],
+    ),
 ];
 
 impl Description {
@@ -119,31 +131,29 @@ impl Description {
         if root.name() != "sdf" {
             return Err(fault(format!("<{}>", root.name())));
         }
-        let worlds: Vec<Node> = root.children("world").collect();
-        let models: Vec<Node> =
-            root.children("model").chain(worlds.into_iter().flat_map(|it| it.children("model"))).collect();
-        let names: Vec<&str> = models.iter().map(|it| it.attribute("name").unwrap_or_default()).collect();
+        let in_worlds = root.children("world").flat_map(|it| it.children("model"));
+        let models: Vec<Node> = root.children("model").chain(in_worlds).collect();
+        if models.len() > 1 {
+            let names: Vec<&str> = models.iter().map(|it| it.attribute("name").unwrap_or_default()).collect();
+            let found = format!("{} models: {}", models.len(), names.join(", "));
+            return Err(InputError::new(file, "sdf", found, "a file with one of them"));
+        }
         let mut description = Self {
             file: file.to_owned(),
-            name: names.first().copied().unwrap_or_default().to_owned(),
+            name: String::new(),
             root: String::new(),
             links: Default::default(),
             joints: Default::default(),
         };
-        for model in &models {
+        if let Some(model) = models.first() {
+            description.name = model.attribute("name").unwrap_or_default().to_owned();
             description.add_model(*model, "")?;
         }
         document.finish(&[HARMLESS])?;
         match models[..] {
             [] => Err(fault("no <model>".into())),
-            [_] if description.links.is_empty() => Err(fault("no <link>".into())),
-            [_] => Ok(description),
-            _ => Err(InputError::new(
-                file,
-                "sdf",
-                format!("{} models: {}", models.len(), names.join(", ")),
-                "a file with one of them",
-            )),
+            _ if description.links.is_empty() => Err(fault("no <link>".into())),
+            _ => Ok(description),
         }
     }
 
@@ -181,10 +191,15 @@ fn link(node: Node, name: &str) -> Result<Link, InputError> {
     let visuals = node.children("visual").filter_map(|it| geometry(it, name).transpose()).collect::<Result<_, _>>()?;
     let inertial = node.child("inertial");
     let inertia = inertial.map(|it| inertia(it, name, &parts)).transpose()?.flatten();
-    let frictions = node.descendants().filter(|it| matches!(it.name().rsplit(':').next(), Some("mu_dynamic" | "mu")));
-    let mut frictions = frictions.filter_map(|it| it.text().parse::<f64>().ok());
-    let friction = frictions.find(|it| quantity::FRICTION.contains(*it));
-    Ok(Link { inertia, friction, collisions, visuals })
+    let frictions: Vec<f64> =
+        node.children("collision").filter_map(friction).map(|it| it.number(FRICTION)).collect::<Result<_, _>>()?;
+    Ok(Link { inertia, friction: frictions.into_iter().reduce(f64::min), collisions, visuals })
+}
+
+/// The friction coefficient of a collision, as Drake has it or, without that, as ODE has it.
+fn friction(collision: Node<'_>) -> Option<Node<'_>> {
+    let named = |name: &str| collision.descendants().find(|it| it.name() == name);
+    named("drake:mu_dynamic").or_else(|| named("mu"))
 }
 
 /// The shapes of collisions, each with its density if it states one.
@@ -194,12 +209,12 @@ fn inertia(node: Node, link: &str, parts: &Parts) -> Result<Option<Inertia>, Inp
     let density = node.child("density").map(|it| it.number(DENSITY_KGPM3)).transpose()?;
     let mass = node.child("mass").map(|it| it.number(MASS_KG)).transpose()?;
     let X_LC = pose(node, link)?;
-    if matches!(node.attribute("auto"), Some("true" | "1")) {
+    if is_true(node, "auto")? {
         for stated in node.children("inertia") {
             // As the format says, what is worked out takes its place.
             stated.leave_out();
         }
-        return filled(node, parts, density.unwrap_or(WATER_KGPM3), mass);
+        return filled(node, parts, density.unwrap_or(WATER_KGPM3), mass).map(Some);
     }
     let Some(mass) = mass else { return Ok(None) };
     let moments = node.child("inertia");
@@ -212,21 +227,22 @@ fn inertia(node: Node, link: &str, parts: &Parts) -> Result<Option<Inertia>, Inp
 
 /// The mass properties of a link's collisions, each filled with its density, all together as heavy as is
 /// stated.
-fn filled(node: Node, parts: &Parts, density: f64, mass: Option<f64>) -> Result<Option<Inertia>, InputError> {
+fn filled(node: Node, parts: &Parts, density: f64, mass: Option<f64>) -> Result<Inertia, InputError> {
+    let fault = |of: &str| {
+        let expected = "the mass and the moments, or simple shapes for collisions";
+        node.fault(format!("auto=\"true\" {of}"), expected)
+    };
     let mut whole: Option<Inertia> = None;
     for (shape, own) in parts {
-        let part = shape.filled(own.unwrap_or(density)).ok_or_else(|| {
-            node.fault("auto=\"true\" with a mesh", "the mass and the moments, or simple shapes for collisions")
-        })?;
+        let part = shape.filled(own.unwrap_or(density)).ok_or_else(|| fault("with a mesh"))?;
         whole = Some(whole.map_or(part, |it| it.joined(&part)));
     }
-    Ok(whole.map(|it| {
-        let factor = mass.filter(|_| it.mass > 0.0).map_or(1.0, |mass| mass / it.mass);
-        Inertia { mass: it.mass * factor, about_com: it.about_com * factor, ..it }
-    }))
+    let it = whole.ok_or_else(|| fault("without collisions"))?;
+    let factor = mass.filter(|_| it.mass > 0.0).map_or(1.0, |mass| mass / it.mass);
+    Ok(Inertia { mass: it.mass * factor, about_com: it.about_com * factor, ..it })
 }
 
-/// The shape of a visual or a collision; `None` for planes and where there is nothing.
+/// The shape of a visual or a collision; `None` for planes that are only seen, and where there is nothing.
 fn geometry(node: Node, link: &str) -> Result<Option<Geometry>, InputError> {
     let Some(geometry) = node.child("geometry") else { return Ok(None) };
     let X_LS = pose(node, link)?;
@@ -257,6 +273,9 @@ fn geometry(node: Node, link: &str) -> Result<Option<Geometry>, InputError> {
         Shape::Mesh { file: uri.to_owned(), scale }
     } else {
         for nothing in geometry.children("plane").chain(geometry.children("empty")) {
+            if node.name() == "collision" && nothing.name() == "plane" {
+                return Err(nothing.fault("a plane, which has no end", "the shape of a body"));
+            }
             nothing.leave_out();
         }
         return Ok(None);
@@ -267,17 +286,23 @@ fn geometry(node: Node, link: &str) -> Result<Option<Geometry>, InputError> {
 /// The pose in the child `<pose>`; the identity where there is none.
 fn pose(node: Node, link: &str) -> Result<Pose, InputError> {
     let Some(pose) = node.child("pose") else { return Ok(Pose::identity()) };
-    let frame = pose.attribute("relative_to").or(pose.attribute("frame")).unwrap_or_default();
-    if !frame.is_empty() && frame != link {
-        let expected = "poses in the link's frame: without `relative_to`, or with the link's name";
-        return Err(pose.fault(format!("relative_to=\"{frame}\""), expected));
+    for name in ["relative_to", "frame"] {
+        let frame = pose.attribute(name).unwrap_or_default();
+        if !frame.is_empty() && frame != link {
+            let expected = format!("poses in the link's frame: without `{name}`, or with the link's name");
+            return Err(pose.fault(format!("{name}=\"{frame}\""), expected));
+        }
     }
-    let per = if matches!(pose.attribute("degrees"), Some("true" | "1")) { 1f64.to_radians() } else { 1.0 };
+    let in_degrees = is_true(pose, "degrees")?;
+    let per = if in_degrees { 1f64.to_radians() } else { 1.0 };
     let (p, rotation) = match pose.attribute("rotation_format") {
         None | Some("euler_rpy") => {
             let [x, y, z, roll, pitch, yaw] = if pose.text().is_empty() { [0.0; 6] } else { pose.numbers::<6>(POSE)? };
             let rotation = UnitQuaternion::from_euler_angles(roll * per, pitch * per, yaw * per);
             (Vector3::new(x, y, z), Some(rotation))
+        }
+        Some("quat_xyzw") if in_degrees => {
+            return Err(pose.fault("a quaternion with degrees=\"true\"", "a quaternion without it"));
         }
         Some("quat_xyzw") => {
             let [x, y, z, i, j, k, w] = pose.numbers::<7>(POSE)?;
@@ -287,6 +312,16 @@ fn pose(node: Node, link: &str) -> Result<Pose, InputError> {
     };
     let rotation = rotation.ok_or_else(|| pose.fault("a quaternion of length 0", "a unit quaternion"))?;
     Ok(Pose::from_parts(Translation3::from(p), rotation))
+}
+
+/// Returns whether an attribute is there and true.
+fn is_true(node: Node, name: &'static str) -> Result<bool, InputError> {
+    let stated = node.attribute(name).unwrap_or("false");
+    match &*stated.trim().to_ascii_lowercase() {
+        "true" | "1" => Ok(true),
+        "false" | "0" => Ok(false),
+        _ => Err(node.fault(format!("{name}=\"{stated}\""), "true or false")),
+    }
 }
 
 #[cfg(test)]

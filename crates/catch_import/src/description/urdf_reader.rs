@@ -131,6 +131,11 @@ fn joint(urdf: &Urdf, element: &Element) -> Result<TreeJoint, InputError> {
     let limit = element.child("limit")?;
     let number = |name| limit.as_ref().map_or(Ok(None), |it| it.optional(name, NOT_NEGATIVE));
     let either = |one, other| Ok::<_, InputError>(number(one)?.or(number(other)?).filter(|it| *it > 0.0));
+    // What may be commanded, and the speed of a gear before a spring, narrow what is stated beside them.
+    let least = |one, other| {
+        let stated = [number(one)?, number(other)?].into_iter().flatten().filter(|it| *it > 0.0);
+        Ok::<_, InputError>(stated.reduce(f64::min))
+    };
     let dynamics = element.child("dynamics")?.filter(|it| it.has("damping"));
     let mimic = element.child("mimic")?;
     Ok(TreeJoint {
@@ -148,10 +153,10 @@ fn joint(urdf: &Urdf, element: &Element) -> Result<TreeJoint, InputError> {
         X_PL: element.origin(OFFSET_M)?,
         axis: if kind == "fixed" { unused_axis(element)? } else { element.axis()? },
         range: range(element, kind, limit.as_ref())?,
-        velocity: number("velocity")?.filter(|it| *it > 0.0),
+        velocity: least("velocity", "gear_velocity")?,
         acceleration: either("acceleration", "drake:acceleration")?,
         jerk: either("jerk", "drake:jerk")?,
-        effort: number("effort")?.filter(|it| *it > 0.0),
+        effort: least("effort", "command_effort")?,
         damping: dynamics.map_or(Ok(0.0), |it| it.number("damping", NOT_NEGATIVE))?,
         rotor_inertia: None,
         mimics: mimic.map(|it| it.text("joint").map(str::to_owned)).transpose()?,
@@ -207,6 +212,16 @@ mod tests {
         assert_eq!(read_range(soft), Some([-1.0, 2.0]));
         assert_eq!(read_range("type=\"continuous\"><limit lower=\"0\" upper=\"0\" effort=\"1\"/>"), None);
         assert_eq!(read_range("type=\"continuous\"><limit lower=\"-1\" upper=\"2\"/>"), Some([-1.0, 2.0]));
+    }
+
+    /// As in the description of ANYmal B.
+    #[test]
+    fn limits_of_drives_narrow_those_of_their_joints() {
+        let text = arm(
+            "type=\"revolute\"><limit command_effort=\"40\" current=\"10\" effort=\"80\" gear_velocity=\"10\" lower=\"-9\" upper=\"9\" velocity=\"15\"/>",
+        );
+        let joint = &Description::from_urdf("a.urdf", &text).unwrap().joints["l"][0];
+        assert_eq!((joint.effort, joint.velocity), (Some(40.0), Some(10.0)));
     }
 
     /// Rotor inertias are read as Drake reads them, among what other programs say of a transmission.

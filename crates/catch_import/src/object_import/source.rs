@@ -13,7 +13,7 @@ use crate::{
     model_of_mujoco,
     surface_file::triangles_from_bytes,
 };
-use catch_body::{InputError, TriangleMesh, document::root_element, robot::Inertia};
+use catch_body::{InputError, TriangleMesh, document::root_element, quantity, robot::Inertia};
 use nalgebra::{Point3, Vector3};
 
 use super::{depth_images, gltf, hulls_m3, scan, unit_of};
@@ -24,6 +24,8 @@ const ENDINGS: [&[&str]; 9] =
     [&["sdf"], &["urdf"], &["xml", "mjcf"], &["glb"], &["gltf"], &["obj"], &["ply"], &["stl", "dae"], &["pcd", "xyz"]];
 /// Files of a folder that are looked at.
 const MOST_FILES: usize = 10_000;
+/// Names of links that are told.
+const MOST_NAMES: usize = 20;
 /// Shapes of a link at most.
 const MOST_SHAPES: usize = 500;
 /// Greatest number of convex parts of an object.
@@ -108,7 +110,14 @@ impl Source {
             _ => Description::from_urdf(&file, &text)?,
         };
         let (name, link) = chosen(&description, link)?;
-        Self::of_link(&path, &named, name, link)
+        let mut source = Self::of_link(&path, &named, name, link)?;
+        let weighs = |it: &Link| it.inertia.is_some_and(|it| it.mass > 0.0);
+        let others = description.links.iter().filter(|(other, it)| *other != name && weighs(it));
+        let others: Vec<&str> = others.take(MOST_NAMES).map(|(other, _)| other.as_str()).collect();
+        if !others.is_empty() {
+            source.findings.push(format!("without the masses of other links: {}", others.join(", ")));
+        }
+        Ok(source)
     }
 
     fn of_link(path: &Path, named: &str, name: &str, link: &Link) -> Result<Self, InputError> {
@@ -117,7 +126,7 @@ impl Source {
             named: format!("link {name} of {named}"),
             in_metres: true,
             inertia: link.inertia,
-            friction: link.friction,
+            friction: link.friction.filter(|it| quantity::FRICTION.contains(*it)),
             ..Self::default()
         };
         let shapes = link.visuals.len() + link.collisions.len();
@@ -148,6 +157,9 @@ impl Source {
         if source.surface.triangles.is_empty() {
             let none = || InputError::new(&source.file, format!("link {name}"), "no shape", "a visual or a collision");
             return Err(faults.into_iter().next().unwrap_or_else(none));
+        }
+        if let (Some(stated), None) = (link.friction, source.friction) {
+            source.findings.push(format!("a friction coefficient of {stated} is none of a surface, and is not used"));
         }
         let (count, from) = (source.surface.triangles.len(), if of_visuals { "visual" } else { "collision" });
         source.findings.insert(0, format!("{}: {count} triangles of its {from} shape", source.named));
@@ -254,7 +266,7 @@ fn ending(path: &Path) -> String {
 fn chosen<'a>(description: &'a Description, named: Option<&str>) -> Result<(&'a str, &'a Link), InputError> {
     let has_shape = |(_, link): &(&String, &Link)| !link.visuals.is_empty() || !link.collisions.is_empty();
     let links: Vec<(&String, &Link)> = description.links.iter().filter(has_shape).collect();
-    let names = || links.iter().take(20).map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+    let names = || links.iter().take(MOST_NAMES).map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
     if let Some(named) = named {
         let found = links.iter().find(|(name, _)| *name == named);
         let missing = || InputError::new(COMMAND_LINE, "--link", format!("`{named}`"), format!("one of {}", names()));
