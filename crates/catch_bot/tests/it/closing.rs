@@ -29,7 +29,7 @@ proptest! {
         width_m in 0.04f64..0.08, rate_mps in -0.1f64..0.1, aperture_m in 0.04f64..0.08, contact_in_s in 0.8f64..1.2,
     ) {
         let closing = Closing { speed_mps: 0.1, acceleration_mps2: 1.0 };
-        let (object_m, step_s) = (0.03, 1e-5);
+        let (object_m, step_s) = (0.03, 2.5e-6);
         let wait_s = closing.wait_s(Fingers { width_m, rate_mps }, aperture_m, object_m, contact_in_s);
         // Goes to the aperture as fast as it may and stops there, then closes, in small steps.
         let (mut at_m, mut at_mps, mut time_s) = (width_m, rate_mps, 0.0);
