@@ -224,8 +224,8 @@ impl Contact {
         Load { normal_n: self.normal.impulse_ns / step_s, friction_n }
     }
 
-    /// Applies as much friction as ends the sliding, and no more than `most_ns`. Returns by how much a relative
-    /// velocity changes, in m/s.
+    /// Applies as much friction as ends the sliding, and no more than `most_ns`. Returns by how much a
+    /// relative velocity changes, in m/s.
     pub fn rub(&mut self, velocities: &mut Velocities, most_ns: f64) -> f64 {
         let wanted: [f64; 2] = std::array::from_fn(|i| {
             self.friction_ns[i] - self.friction[i].velocity(velocities) / self.friction[i].mobility_per_kg
