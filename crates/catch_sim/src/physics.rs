@@ -284,7 +284,7 @@ impl World {
         if of_object().any(|it| it.normal.total_ns > 0.0) {
             of_object().for_each(|it| impulses[it.touch.part as usize] += it.normal.total_ns);
             let unpushed = now.angular;
-            restitution::let_rebound(&masses, contacts, (friction, restitution), (&before, &mut now), impulses);
+            restitution::let_rebound(&masses, contacts, restitution, (&before, &mut now), impulses);
             momentum += body.momentum(&q_WC, &(now.angular - unpushed));
             now.angular = body.angular_velocity(&X_WC.rotation, &momentum);
             (self.object.X_WC, self.object.V_WC) = (X_WC, Twist { angular: now.angular, linear: now.linear });

@@ -195,8 +195,6 @@ pub(super) struct Rebound {
     pub wanted_mps: f64,
     /// Impulse so far.
     pub impulse_ns: f64,
-    /// Friction before the rebound.
-    pub friction_ns: [f64; 2],
 }
 
 /// A touch, its rows and its impulses.
@@ -207,7 +205,7 @@ pub(super) struct Contact {
     pub rebound: Option<Rebound>,
     /// Rows in two directions across the normal.
     friction: [Row; 2],
-    pub friction_ns: [f64; 2],
+    friction_ns: [f64; 2],
 }
 
 impl Contact {
@@ -224,14 +222,14 @@ impl Contact {
         Load { normal_n: self.normal.impulse_ns / step_s, friction_n }
     }
 
-    /// Applies as much friction as ends the sliding, and no more than `most_ns`. Returns by how much a
-    /// relative velocity changes, in m/s.
-    pub fn rub(&mut self, velocities: &mut Velocities, most_ns: f64) -> f64 {
+    /// No more friction than Coulomb allows. Returns by how much a relative velocity changes, in m/s.
+    fn rub(&mut self, velocities: &mut Velocities, friction: f64) -> f64 {
         let wanted: [f64; 2] = std::array::from_fn(|i| {
             self.friction_ns[i] - self.friction[i].velocity(velocities) / self.friction[i].mobility_per_kg
         });
-        let size_ns = wanted[0].mul_add(wanted[0], wanted[1] * wanted[1]).sqrt();
-        let factor = if size_ns > most_ns { most_ns / size_ns } else { 1.0 };
+        let (size, most) =
+            (wanted[0].mul_add(wanted[0], wanted[1] * wanted[1]).sqrt(), friction * self.normal.impulse_ns);
+        let factor = if size > most { most / size } else { 1.0 };
         let mut largest_mps = 0.0f64;
         for (i, wanted_ns) in wanted.into_iter().enumerate() {
             let change_ns = wanted_ns * factor - self.friction_ns[i];
@@ -320,8 +318,7 @@ impl Contacts {
     fn sweep(&mut self, velocities: &mut Velocities, pass: fn(&mut Unilateral, &mut Velocities, f64) -> f64) {
         let (step_s, friction) = (self.step_s, self.friction);
         for _ in 0..MOST_SWEEPS {
-            let rub = |it: &mut Contact| it.rub(velocities, friction * it.normal.impulse_ns);
-            let rubbed_mps = self.contacts.iter_mut().map(rub).fold(0.0, f64::max);
+            let rubbed_mps = self.contacts.iter_mut().map(|it| it.rub(velocities, friction)).fold(0.0, f64::max);
             let pushed_mps = self.unilaterals().map(|it| pass(it, velocities, step_s)).fold(0.0, f64::max);
             if rubbed_mps.max(pushed_mps) < SAME_MPS {
                 break;

@@ -25,7 +25,7 @@ const SAME_MPS: f64 = 1e-9;
 pub(super) fn let_rebound(
     masses: &Masses,
     contacts: &mut [Contact],
-    (friction, restitution): (f64, f64),
+    restitution: f64,
     (before, velocities): (&Velocities, &mut Velocities),
     impulses: &mut Impulses,
 ) {
@@ -33,8 +33,7 @@ pub(super) fn let_rebound(
     for contact in &mut *contacts {
         let wanted_mps = -restitution * contact.normal.row.velocity(&before);
         let rebounds = contact.is_new() && contact.touch.pushed == Body::Object && wanted_mps > 0.0;
-        let (impulse_ns, friction_ns) = (contact.normal.total_ns, contact.friction_ns);
-        contact.rebound = rebounds.then_some(Rebound { wanted_mps, impulse_ns, friction_ns });
+        contact.rebound = rebounds.then_some(Rebound { wanted_mps, impulse_ns: contact.normal.total_ns });
     }
     if contacts.iter().all(|contact| contact.rebound.is_none()) {
         return;
@@ -43,27 +42,13 @@ pub(super) fn let_rebound(
     for _ in 0..MOST_SWEEPS {
         let mut largest_mps = 0.0f64;
         for contact in &mut *contacts {
-            let Some(rebound) = contact.rebound else { continue };
-            let Rebound { wanted_mps, impulse_ns, .. } = rebound;
+            let Some(Rebound { wanted_mps, impulse_ns }) = contact.rebound else { continue };
             let row = &contact.normal.row;
             let missing_ns = (wanted_mps - row.velocity(&weighted)) / row.mobility_per_kg;
             let change_ns = (impulse_ns + missing_ns).max(0.0) - impulse_ns;
             row.push(&mut weighted, change_ns);
             largest_mps = largest_mps.max((change_ns * row.mobility_per_kg).abs());
-            contact.rebound = Some(Rebound { impulse_ns: impulse_ns + change_ns, ..rebound });
-        }
-        if largest_mps < SAME_MPS {
-            break;
-        }
-    }
-    // Friction acts during the rebound, too. It comes last: it only takes energy, while normal impulses that
-    // made up for what it changes would add some.
-    for _ in 0..MOST_SWEEPS {
-        let mut largest_mps = 0.0f64;
-        for contact in &mut *contacts {
-            if let Some(Rebound { impulse_ns, .. }) = contact.rebound {
-                largest_mps = largest_mps.max(contact.rub(&mut weighted, friction * impulse_ns));
-            }
+            contact.rebound = Some(Rebound { wanted_mps, impulse_ns: impulse_ns + change_ns });
         }
         if largest_mps < SAME_MPS {
             break;
@@ -71,9 +56,7 @@ pub(super) fn let_rebound(
     }
     *velocities = masses.unweighted(&weighted);
     for contact in contacts {
-        if let Some(Rebound { impulse_ns, friction_ns, .. }) = contact.rebound {
-            // The next step begins with the forces of the solver.
-            contact.friction_ns = friction_ns;
+        if let Some(Rebound { impulse_ns, .. }) = contact.rebound {
             impulses[contact.touch.part as usize] += impulse_ns - contact.normal.total_ns;
         }
     }
