@@ -21,7 +21,7 @@ const MOST_PER_S: f64 = 1000.0;
 /// Impedances of contacts with a hard object, and with a soft one. Under a constant load a contact of MuJoCo
 /// is stiffer than in an impact, by 1/(1 − impedance). A soft object is as stiff as its file says under load.
 const HARD_IMPEDANCE: f64 = 0.9;
-const SOFT_IMPEDANCE: f64 = 0.1;
+const SOFT_IMPEDANCE: f64 = 0.5;
 /// Radius of the patch with which a hard object resists rotation about the normal.
 const HARD_PATCH_M: f64 = 5e-4;
 
