@@ -9,8 +9,6 @@ import numpy as np
 import catchingbot as cb
 
 TICK_S = 0.001
-# Inertia of motor and gear of a real gripper at each finger: chosen, as in docs/explanation/physics.md.
-DRIVE_KG = 0.5
 # What can touch the object, in the order in which the referee asks for it.
 PARTS = ["left", "right", "palm", "arm", "floor", "obstacle"]
 
@@ -18,14 +16,14 @@ PARTS = ["left", "right", "palm", "arm", "floor", "obstacle"]
 class Fingers:
     """A drive that moves the fingers to a width, no faster and no harder than the move says."""
 
-    def __init__(self, gripper: dict, is_real: bool, phase_s: float | None) -> None:
+    def __init__(self, gripper: dict, is_real: bool, phase_s: float | None, drive_kg: float) -> None:
         self.queue, self.widest_m, self.most_n = cb.GripperQueue(), gripper["max_width_m"], gripper["max_force_n"]
         self.width_m, self.rate_mps, self.wanted_m, self.force_n = self.widest_m, 0.0, self.widest_m, self.most_n
         self.speed_mps, self.state = 0.0, cb.GripperState(self.widest_m)
         # What a move says that the fingers obey: all of it, the width alone, or only whether they open or close.
         self.control = gripper.get("drive", {}).get("control", "speed_and_force")
         # A real drive is critically damped at 300 rad/s and knows limits; an ideal one is as stiff as 1 kHz allows, and knows none.
-        kg, light = gripper["finger_mass_kg"] + DRIVE_KG, min(gripper["finger_mass_kg"] / 0.05, 1.0)
+        kg, light = gripper["finger_mass_kg"] + drive_kg, min(gripper["finger_mass_kg"] / 0.05, 1.0)
         self.stiffness, self.damping, self.ahead_kg = (kg * 300.0**2, 2 * kg * 300.0, kg / 2) if is_real else (1e4 * light, 40 * light, 0.0)
         self.fastest, self.acceleration = (gripper["max_speed_mps"], gripper["max_acceleration_mps2"]) if is_real else (1e3, 1e6)
         # A real one takes moves and tells its state in cycles of its own.
@@ -127,7 +125,7 @@ class MujocoCell:
         self.model, self.nominal = mjcf.scene(setup, seed, index, drawn), mjcf.nominal(setup)
         self.data, self.believed = mujoco.MjData(self.model), mujoco.MjData(self.nominal)
         self.executor, self.images = cb.Executor(setup.robot, setup.gripper), Images(setup, drawn, self.random)
-        self.fingers = Fingers(setup.gripper.numbers, is_real, drawn["gripper_phase_s"])
+        self.fingers = Fingers(setup.gripper.numbers, is_real, drawn["gripper_phase_s"], self.model.dof_armature[self.n])
         self.gains, self.errors = arena["robot_controller"]["gains"], arena["robot_errors"]
         self.torque_limits = setup.limits[4]
         self.compute_s = 1e-3 * clock["fixed_ms"] if isinstance(clock, dict) else 0.0

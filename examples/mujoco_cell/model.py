@@ -19,9 +19,9 @@ def matrix(position, xyzw) -> np.ndarray:
 
 
 def nominal(setup: cb.Setup) -> mujoco.MjModel:
-    """The scene with nominal values, as the arm's controller believes it to be. Nothing touches anything."""
+    """The scene with nominal values, as the arm's controller believes it to be. Nothing touches anything, and no joint has a stop."""
     model = mujoco.MjModel.from_xml_string(setup.mjcf())
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return model
 
 

@@ -10,19 +10,19 @@ import catchingbot as cb
 from cell import MujocoCell
 
 
-def throw(setup: cb.Setup, seed: int, index: int) -> str | None:
-    """Throws once in MuJoCo; why the object was not caught."""
+def thrown(setup: cb.Setup, seed: int, index: int) -> MujocoCell:
+    """The cell in MuJoCo after a throw."""
     cell, brain = MujocoCell(setup, seed, index), setup.brain(seed, index)
     while not cell.done:
         cell.act(brain.tick(cell.sense()))
-    return cell.why_not_caught()
+    return cell
 
 
 def compare(setup: cb.Setup, trials: int, seed: int, tell=lambda *_: None) -> dict[str, int]:
     """How many of the same throws are caught in both, in one of them, in none."""
     counts = {"trials": trials, "both": 0, "arena_only": 0, "mujoco_only": 0, "neither": 0}
     for index in range(trials):
-        arena, mujoco = setup.run(seed, index).reason, throw(setup, seed, index)
+        arena, mujoco = setup.run(seed, index).reason, thrown(setup, seed, index).why_not_caught()
         caught = (arena is None, mujoco is None)
         counts[{(True, True): "both", (True, False): "arena_only", (False, True): "mujoco_only", (False, False): "neither"}[caught]] += 1
         tell(index, arena or "caught", mujoco or "caught")

@@ -22,8 +22,9 @@ import catchingbot as cb
 
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "examples/mujoco_cell"))
-from cell import PARTS, MujocoCell  # noqa: E402
+from cell import PARTS  # noqa: E402
 from rerun import rerun  # noqa: E402
+from run import thrown  # noqa: E402
 
 OBJECTS = ["tennis_ball", "banana", "pill_bottle"]
 QUARTER = {"arena.step_s": 2.5e-4}
@@ -61,9 +62,7 @@ def arena_touch(recording: cb.Recording) -> str:
 def closed_loop(condition: str, thing: str, seed: int, index: int) -> list[str]:
     """How a throw ends in the arena, in MuJoCo, and in the arena at a quarter of its step, each with a brain of its own."""
     ours = setup(condition, thing)
-    cell, brain = MujocoCell(ours, seed, index), ours.brain(seed, index)
-    while not cell.done:
-        cell.act(brain.tick(cell.sense()))
+    cell = thrown(ours, seed, index)
     reasons = [ours.run(seed, index).reason, cell.why_not_caught(), setup(condition, thing, **QUARTER).run(seed, index).reason]
     return [it or "caught" for it in reasons]
 
@@ -85,9 +84,7 @@ def open_loop(condition: str, thing: str, seed: int, index: int) -> list[str]:
 def touches(condition: str, thing: str, seed: int, index: int) -> list[str]:
     """What touches the object first in the arena and in MuJoCo, closed loop."""
     ours = setup(condition, thing)
-    cell, brain = MujocoCell(ours, seed, index), ours.brain(seed, index)
-    while not cell.done:
-        cell.act(brain.tick(cell.sense()))
+    cell = thrown(ours, seed, index)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "throw.catch"
         file.write_bytes(ours.run(seed, index).recording)

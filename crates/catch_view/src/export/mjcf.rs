@@ -30,24 +30,21 @@ const HARD_PATCH_M: f64 = 5e-4;
 pub fn scene(setup: &Setup, seed: u64, index: u64) -> String {
     let Setup { robot, gripper, object, cameras, .. } = setup;
     let is_real = setup.scenario.arena.gripper == GripperDriveKind::Real;
+    let drive_kg = if is_real { DRIVE_MASS_KG } else { 0.0 };
     let cameras: String = cameras.iter().enumerate().map(camera).collect();
     let world = format!(
         "{}{}{cameras}{}",
         "<geom name=\"floor:0\" type=\"plane\" size=\"20 20 1\" group=\"3\"/>\n",
         surroundings(robot),
-        arm(robot, gripper, if is_real { DRIVE_MASS_KG } else { 0.0 }),
+        arm(robot, gripper, drive_kg),
     );
     let (shapes, body) = thrown(object);
-    let names = |text: &str| {
-        text.split("<geom name=\"").skip(1).filter_map(|it| it.split('"').next()).map(str::to_owned).collect()
-    };
-    let [touched, touching]: [Vec<String>; 2] = [names(&world), names(&body)];
-    let contact = contact_attributes(setup);
+    let contact = contact_attributes(setup, drive_kg);
     let mut pairs = String::new();
-    for part in touching.iter().filter(|it| it.starts_with("object:")) {
-        for other in &touched {
+    for part in 0..object.parts.len() {
+        for other in world.split("<geom name=\"").skip(1).filter_map(|it| it.split('"').next()) {
             // Writing to a string never fails.
-            let _ = writeln!(pairs, "<pair geom1=\"{part}\" geom2=\"{other}\" {contact}/>");
+            let _ = writeln!(pairs, "<pair geom1=\"object:{part}\" geom2=\"{other}\" {contact}/>");
         }
     }
     let name = escaped(&format!("{} with {}, {}", robot.name, gripper.name, object.name));
@@ -157,9 +154,9 @@ fn thrown(object: &ThrownObject) -> (String, String) {
 
 /// Contacts of the object: as stiff as its surface, with its restitution. A soft one has a patch that resists
 /// rotation, two thirds of its radius.
-fn contact_attributes(setup: &Setup) -> String {
+fn contact_attributes(setup: &Setup, drive_kg: f64) -> String {
     let Setup { object, gripper, .. } = setup;
-    let finger_kg = gripper.finger_mass_kg + DRIVE_MASS_KG;
+    let finger_kg = gripper.finger_mass_kg + drive_kg;
     let reduced_kg = object.mass_kg * finger_kg / (object.mass_kg + finger_kg);
     // Of a spring in an impact, for each kilogram.
     let (stiffness, impedance) = match object.stiffness_npm {
