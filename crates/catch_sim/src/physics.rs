@@ -4,7 +4,7 @@
 //! rigid body (`free_motion.rs`). While nothing is in reach of anything, both go on by integrators of second
 //! order or better. Contacts are critically damped springs that are as stiff as the object (`contacts.rs`);
 //! the library `parry3d-f64` finds the points (`colliders.rs`). Where something moves against something, a
-//! step of 1 ms is divided into four. Rebounds follow Newton's law at all points at once (`restitution.rs`).
+//! step of 1 ms is divided into four. Rebounds follow Poisson's law at all points at once (`restitution.rs`).
 
 mod colliders;
 mod contacts;
@@ -284,7 +284,7 @@ impl World {
         if of_object().any(|it| it.normal.total_ns > 0.0) {
             of_object().for_each(|it| impulses[it.touch.part as usize] += it.normal.total_ns);
             let unpushed = now.angular;
-            restitution::let_rebound(&masses, contacts, restitution, (&before, &mut now), impulses);
+            restitution::let_rebound(&masses, contacts, (friction, restitution), &mut now, impulses);
             momentum += body.momentum(&q_WC, &(now.angular - unpushed));
             now.angular = body.angular_velocity(&X_WC.rotation, &momentum);
             (self.object.X_WC, self.object.V_WC) = (X_WC, Twist { angular: now.angular, linear: now.linear });

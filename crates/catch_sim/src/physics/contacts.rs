@@ -163,7 +163,7 @@ impl Unilateral {
     fn press(&mut self, velocities: &mut Velocities, step_s: f64) -> f64 {
         let Spring { rate_per_s, mass_factor, impulse_factor } = self.spring;
         if self.meets {
-            return self.push(velocities, self.gap_m / step_s, 1.0, 0.0);
+            return self.push(velocities, self.gap_m.max(0.0) / step_s, 1.0, 0.0);
         }
         let rate_per_s = if self.gap_m > 0.0 { 1.0 / step_s } else { rate_per_s };
         self.push(velocities, (rate_per_s * self.gap_m).max(-MOST_APART_MPS), mass_factor, impulse_factor)
@@ -172,7 +172,8 @@ impl Unilateral {
     /// Applies the impulse after the move, without the velocities at which a gap closed or springs separated
     /// hard bodies.
     fn relax(&mut self, velocities: &mut Velocities, step_s: f64) -> f64 {
-        if self.is_soft && !self.meets {
+        let is_open = self.gap_m > 0.0 && self.impulse_ns == 0.0;
+        if is_open || self.is_soft && !self.meets {
             return 0.0;
         }
         self.push(velocities, self.gap_m.max(0.0) / step_s, 1.0, 0.0)
@@ -188,13 +189,13 @@ impl Unilateral {
     }
 }
 
-/// The object's rebound at a point, by its normal velocity there.
+/// Impulses of the object's rebound at a point.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rebound {
-    /// Velocity at which the object should leave.
-    pub wanted_mps: f64,
-    /// Impulse so far.
-    pub impulse_ns: f64,
+    /// Normal impulse that the compression has left behind, and the normal impulse so far.
+    least_ns: f64,
+    pub normal_ns: f64,
+    friction_ns: [f64; 2],
 }
 
 /// A touch, its rows and its impulses.
@@ -222,23 +223,39 @@ impl Contact {
         Load { normal_n: self.normal.impulse_ns / step_s, friction_n }
     }
 
-    /// No more friction than Coulomb allows. Returns by how much a relative velocity changes, in m/s.
-    fn rub(&mut self, velocities: &mut Velocities, friction: f64) -> f64 {
-        let wanted: [f64; 2] = std::array::from_fn(|i| {
-            self.friction_ns[i] - self.friction[i].velocity(velocities) / self.friction[i].mobility_per_kg
-        });
-        let (size, most) =
-            (wanted[0].mul_add(wanted[0], wanted[1] * wanted[1]).sqrt(), friction * self.normal.impulse_ns);
-        let factor = if size > most { most / size } else { 1.0 };
-        let mut largest_mps = 0.0f64;
-        for (i, wanted_ns) in wanted.into_iter().enumerate() {
-            let change_ns = wanted_ns * factor - self.friction_ns[i];
-            self.friction[i].push(velocities, change_ns);
-            self.friction_ns[i] += change_ns;
-            largest_mps = largest_mps.max((change_ns * self.friction[i].mobility_per_kg).abs());
-        }
-        largest_mps
+    /// Applies the normal impulse with which a rebound begins.
+    pub fn begin_rebound(&mut self, velocities: &mut Velocities, impulse_ns: f64) {
+        self.normal.row.push(velocities, impulse_ns);
+        self.rebound = Some(Rebound { least_ns: impulse_ns, normal_ns: impulse_ns, friction_ns: [0.0; 2] });
     }
+
+    /// Adds what ends an approach, and friction. Returns by how much a relative velocity changes, in m/s.
+    pub fn rebound_once(&mut self, velocities: &mut Velocities, friction: f64) -> Option<f64> {
+        let Rebound { least_ns, normal_ns, friction_ns } = self.rebound.as_mut()?;
+        let row = &self.normal.row;
+        let change_ns = (*normal_ns - row.velocity(velocities) / row.mobility_per_kg).max(*least_ns) - *normal_ns;
+        row.push(velocities, change_ns);
+        *normal_ns += change_ns;
+        let rubbed_mps = rub(&self.friction, friction_ns, velocities, friction * *normal_ns);
+        Some(rubbed_mps.max((change_ns * row.mobility_per_kg).abs()))
+    }
+}
+
+/// Applies as much friction as ends the sliding, but no more than `most_ns`. Returns by how much a relative
+/// velocity changes, in m/s.
+fn rub(rows: &[Row; 2], friction_ns: &mut [f64; 2], velocities: &mut Velocities, most_ns: f64) -> f64 {
+    let wanted: [f64; 2] =
+        std::array::from_fn(|i| friction_ns[i] - rows[i].velocity(velocities) / rows[i].mobility_per_kg);
+    let size_ns = wanted[0].mul_add(wanted[0], wanted[1] * wanted[1]).sqrt();
+    let factor = if size_ns > most_ns { most_ns / size_ns } else { 1.0 };
+    let mut largest_mps = 0.0f64;
+    for ((row, impulse_ns), wanted_ns) in rows.iter().zip(friction_ns).zip(wanted) {
+        let change_ns = wanted_ns * factor - *impulse_ns;
+        row.push(velocities, change_ns);
+        *impulse_ns += change_ns;
+        largest_mps = largest_mps.max((change_ns * row.mobility_per_kg).abs());
+    }
+    largest_mps
 }
 
 /// All contacts of a step, and the stops of the fingers that are met in it.
@@ -300,7 +317,7 @@ impl Contacts {
             }
         }
         self.stops.iter().for_each(|it| it.row.push(weighted, it.impulse_ns));
-        self.unilaterals().for_each(|it| it.meets = it.gap_m > 0.0 && it.impulse_ns == 0.0);
+        self.unilaterals().for_each(|it| it.meets = it.impulse_ns == 0.0);
         self.sweep(weighted, Unilateral::press);
         moved(&masses.unweighted(weighted));
         let step_s = self.step_s;
@@ -318,7 +335,10 @@ impl Contacts {
     fn sweep(&mut self, velocities: &mut Velocities, pass: fn(&mut Unilateral, &mut Velocities, f64) -> f64) {
         let (step_s, friction) = (self.step_s, self.friction);
         for _ in 0..MOST_SWEEPS {
-            let rubbed_mps = self.contacts.iter_mut().map(|it| it.rub(velocities, friction)).fold(0.0, f64::max);
+            let rubbed = |Contact { friction: rows, friction_ns, normal, .. }: &mut Contact| {
+                rub(rows, friction_ns, velocities, friction * normal.impulse_ns)
+            };
+            let rubbed_mps = self.contacts.iter_mut().map(rubbed).fold(0.0, f64::max);
             let pushed_mps = self.unilaterals().map(|it| pass(it, velocities, step_s)).fold(0.0, f64::max);
             if rubbed_mps.max(pushed_mps) < SAME_MPS {
                 break;

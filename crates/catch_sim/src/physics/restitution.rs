@@ -1,18 +1,19 @@
-//! Newton's law of restitution.
+//! Poisson's law of restitution with friction.
 //!
-//! The solver lets contacts end without rebound. Here impulses are added after a step, at all points at once,
-//! by sweeps that go on until all agree (Gauss–Seidel on the normal velocities, impulses that only push): by
-//! one sweep, of two points that meet in the same step, the second would undo part of what the first was
-//! given, or add to it.
+//! The solver lets contacts end without rebound: that is the compression of an impact, with its friction. Here
+//! the restitution follows (Anitescu and Potra, 1997). Each point that has begun to push gives e times its
+//! impulse of the compression once more. Sweeps then go on over these points until none approaches, and none
+//! slides while Coulomb's cone leaves friction to spend (projected Gauss–Seidel). Springs of points that pushed
+//! before go on in the next step.
 //!
-//! Only points that begin to push in the same step count. With one restitution for all of them no energy is
-//! gained; to ask a ball that bounces off one finger to stay at the other, which it touches already, would
-//! make that finger recoil with energy from nowhere.
+//! Newton's law would ask for a speed at each point instead. With friction that adds energy where a point
+//! slides one way before and another way after; and a ball that bounces off one finger onto the other, which
+//! it touches already, would make that finger recoil with energy from nowhere.
 
 use super::{
     Impulses,
     colliders::Body,
-    contacts::{Contact, Masses, Rebound, Velocities},
+    contacts::{Contact, Masses, Velocities},
 };
 
 /// Most sweeps; a ball between two fingers needs some twenty.
@@ -20,44 +21,31 @@ const MOST_SWEEPS: usize = 200;
 /// Velocities that differ by less are the same, in m/s.
 const SAME_MPS: f64 = 1e-9;
 
-/// Makes the velocities after a step those of Newton's law at all points of the object that have begun to
-/// push in it. The impulses that this adds are counted.
+/// Changes the velocities after a step by the rebounds of the points of the object that have begun to push in
+/// it. The impulses that this adds are counted.
 pub(super) fn let_rebound(
     masses: &Masses,
     contacts: &mut [Contact],
-    restitution: f64,
-    (before, velocities): (&Velocities, &mut Velocities),
+    (friction, restitution): (f64, f64),
+    velocities: &mut Velocities,
     impulses: &mut Impulses,
 ) {
-    let before = masses.weighted(before);
-    for contact in &mut *contacts {
-        let wanted_mps = -restitution * contact.normal.row.velocity(&before);
-        let rebounds = contact.is_new() && contact.touch.pushed == Body::Object && wanted_mps > 0.0;
-        contact.rebound = rebounds.then_some(Rebound { wanted_mps, impulse_ns: contact.normal.total_ns });
+    let rebounds = |it: &&mut Contact| it.touch.pushed == Body::Object && it.is_new();
+    let weighted = &mut masses.weighted(velocities);
+    for contact in contacts.iter_mut().filter(rebounds) {
+        contact.begin_rebound(weighted, restitution * contact.normal.total_ns);
     }
-    if contacts.iter().all(|contact| contact.rebound.is_none()) {
+    if contacts.iter().all(|it| it.rebound.is_none()) {
         return;
     }
-    let mut weighted = masses.weighted(velocities);
     for _ in 0..MOST_SWEEPS {
-        let mut largest_mps = 0.0f64;
-        for contact in &mut *contacts {
-            let Some(Rebound { wanted_mps, impulse_ns }) = contact.rebound else { continue };
-            let row = &contact.normal.row;
-            let missing_ns = (wanted_mps - row.velocity(&weighted)) / row.mobility_per_kg;
-            let change_ns = (impulse_ns + missing_ns).max(0.0) - impulse_ns;
-            row.push(&mut weighted, change_ns);
-            largest_mps = largest_mps.max((change_ns * row.mobility_per_kg).abs());
-            contact.rebound = Some(Rebound { wanted_mps, impulse_ns: impulse_ns + change_ns });
-        }
-        if largest_mps < SAME_MPS {
+        let sweep = contacts.iter_mut().filter_map(|it| it.rebound_once(weighted, friction));
+        if sweep.fold(0.0, f64::max) < SAME_MPS {
             break;
         }
     }
-    *velocities = masses.unweighted(&weighted);
+    *velocities = masses.unweighted(weighted);
     for contact in contacts {
-        if let Some(Rebound { impulse_ns, .. }) = contact.rebound {
-            impulses[contact.touch.part as usize] += impulse_ns - contact.normal.total_ns;
-        }
+        impulses[contact.touch.part as usize] += contact.rebound.map_or(0.0, |it| it.normal_ns);
     }
 }

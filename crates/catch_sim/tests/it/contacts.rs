@@ -207,6 +207,31 @@ fn restitution_is_exact() {
     }
 }
 
+/// A ball that slides through all of an impact loses μ·(1 + e)·v of its tangential speed; one that comes to
+/// roll leaves as fast as its inertia says.
+#[test]
+fn friction_acts_during_the_rebound_too() {
+    let ball = setting::object("tennis_ball");
+    let (radius_m, speed) = (0.0336, 3.0);
+    let rolling = 1.0 / (1.0 + ball.mass_kg * radius_m * radius_m / ball.inertia_kgm2[(0, 0)]);
+    for (friction, restitution, along) in [(0.1, 0.5, 4.0), (0.3, 0.75, 6.0), (0.6, 0.3, 1.0), (0.6, 0.75, 2.0)] {
+        let gripper = setting::gripper();
+        let settings = setting::settings(friction, restitution);
+        let release = setting::release([5.0, 5.0, radius_m + 0.02], [along, 0.0, -speed]);
+        let hand = Point3::new(0.0, 0.0, 2.0);
+        let mut world = setting::fixed_hand(settings, hand, &gripper, 0.1, &ball, &release);
+        let mut loads = setting::no_loads();
+        loads.gravity = Vector3::zeros();
+        for _ in 0..40 {
+            world.step(&loads);
+        }
+        let lost = along - world.state().V_WO.linear.x;
+        let sliding = friction * (1.0 + restitution) * speed;
+        let expected = sliding.min(along * rolling);
+        assert!((lost / expected - 1.0).abs() < 0.03, "{lost} instead of {expected} m/s for μ = {friction}");
+    }
+}
+
 /// Two fingers that close without a motor meet a ball at once: each rebounds at e times its speed, and the
 /// ball stays where it is.
 #[test]

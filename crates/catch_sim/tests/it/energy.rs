@@ -77,14 +77,16 @@ impl Hand {
     }
 }
 
-/// Without motors no contact gives energy, for any restitution up to the errors of integration.
+/// Without motors no contact gives energy, for any restitution up to the errors of integration. Throws that
+/// begin in contact do not count, nor what is faster than 50 rad/s: an impact uses the inertia of its start,
+/// and such an object turns by a hundredth meanwhile.
 #[test]
 #[expect(clippy::print_stdout, reason = "the figure of docs/reference/checks.md")]
 fn no_contact_gives_energy() {
     let mut touching = 0;
     let mut worst = [0.0f64; 2];
-    for index in 0..240 {
-        let mut draws = Draws::new(Stream::Throw, 7, index);
+    for (seed, index) in (7..11).flat_map(|seed| (0..240).map(move |index| (seed, index))) {
+        let mut draws = Draws::new(Stream::Throw, seed, index);
         let name = ["tennis_ball", "pill_bottle", "banana"][(index % 3) as usize];
         let restitution = [0.3, 0.75, 1.0, 1.0][(index / 3 % 4) as usize];
         let friction = [0.0, 0.667][(index / 12 % 2) as usize];
@@ -92,22 +94,25 @@ fn no_contact_gives_energy() {
         let object = setting::object(name);
         let hand = Hand::new(index / 48 % 2 == 0, drive_mass_kg);
         let mut world = hand.world(setting::settings(friction, restitution), &object, &mut draws);
-        let mut lowest_j = hand.energy_j(&world, &object);
-        let mut has_touched = false;
-        for _ in 0..300 {
+        let first_j = hand.energy_j(&world, &object);
+        let (mut lowest_j, mut has_touched) = (first_j, false);
+        for step in 0..300 {
             world.step(&no_gravity());
             let now_j = hand.energy_j(&world, &object);
             has_touched |= world.contact_forces().contact.any();
+            if (has_touched && step < 5) || world.state().V_WO.angular.norm() > 50.0 {
+                break;
+            }
             let worst = &mut worst[usize::from(restitution == 1.0)];
-            *worst = worst.max(now_j / lowest_j - 1.0);
+            *worst = worst.max((now_j - lowest_j) / first_j);
             lowest_j = lowest_j.min(now_j);
         }
         touching += u32::from(has_touched);
     }
     let [below, at_one] = worst;
     println!("energy rises by {below:.1e} at most for a restitution up to 0.75, by {at_one:.1e} for 1");
-    assert!(touching > 150, "{touching} of 240 met the hand");
-    assert!(below < 1e-3 && at_one < 0.02, "{below}, {at_one}");
+    assert!(touching > 600, "{touching} of 960 met the hand");
+    assert!(below < 1e-3 && at_one < 1e-2, "{below}, {at_one}");
 }
 
 /// The change of the momentum across the fingers is the sum of their counted forces, in each step of a
