@@ -36,7 +36,7 @@ def scene(setup: cb.Setup, seed: int, index: int, drawn: dict) -> mujoco.MjModel
     off = matrix(model.body_pos[hand], np.roll(model.body_quat[hand], -1)) @ matrix(mount["position_m"], mount["orientation_xyzw"])
     model.body_pos[hand] = off[:3, 3]
     mujoco.mju_mat2Quat(model.body_quat[hand], off[:3, :3].flatten())
-    model.pair_friction[:, :2] = max(drawn["friction"], 1e-5)
+    model.pair_friction[:, :3] *= max(drawn["friction"], 1e-5) / model.pair_friction[0, 0]
     stiffness, impedance = -model.pair_solref[0, 0], model.pair_solimp[0, 0]
     model.pair_solref[:, 1] = -damping(round(drawn["restitution"], 2), stiffness, impedance)
     mujoco.mj_setConst(model, mujoco.MjData(model))

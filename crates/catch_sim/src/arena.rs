@@ -243,7 +243,7 @@ impl Arena {
         }
     }
 
-    /// Torque on a soft object by the fingers' patches, against its rotation about their normal; it stops the
+    /// Torque on the object by the fingers' patches, against its rotation about their normal; it stops the
     /// rotation at most. What the gripper feels of it is less than a thousandth of its own weight.
     fn spin_friction(&self) -> Vector3<f64> {
         let object = &self.equipment.shared.object;

@@ -22,8 +22,6 @@ const MOST_PER_S: f64 = 1000.0;
 /// is stiffer than in an impact, by 1/(1 − impedance). A soft object is as stiff as its file says under load.
 const HARD_IMPEDANCE: f64 = 0.9;
 const SOFT_IMPEDANCE: f64 = 0.5;
-/// Radius of the patch with which a hard object resists rotation about the normal.
-const HARD_PATCH_M: f64 = 5e-4;
 
 /// The scene of a throw as MJCF, its object just released. Masses are nominal, and the cameras stand where
 /// their rig has them.
@@ -152,8 +150,8 @@ fn thrown(object: &ThrownObject) -> (String, String) {
     (meshes, body + "</body>\n")
 }
 
-/// Contacts of the object: as stiff as its surface, with its restitution. A soft one has a patch that resists
-/// rotation, two thirds of its radius.
+/// Contacts of the object: as stiff as its surface, with its restitution, and the patch of a finger that presses
+/// with all of its force.
 fn contact_attributes(setup: &Setup, drive_kg: f64) -> String {
     let Setup { object, gripper, .. } = setup;
     let finger_kg = gripper.finger_mass_kg + drive_kg;
@@ -164,14 +162,13 @@ fn contact_attributes(setup: &Setup, drive_kg: f64) -> String {
         None => (f64::INFINITY, HARD_IMPEDANCE),
     };
     let rate_per_s = stiffness.sqrt().min(MOST_PER_S);
-    let radius_m = object.mesh.aabb().size.min() / 2.0;
-    let patch_m = |stiffness_npm: f64| (radius_m * gripper.max_force_n / stiffness_npm).sqrt() * 2.0 / 3.0;
-    let torsion_m = object.stiffness_npm.map_or(HARD_PATCH_M, patch_m);
     // The damping ratio of a damped spring with this restitution.
     let log = libm::log(object.restitution.max(1e-3));
     let ratio = -log / libm::hypot(log, std::f64::consts::PI);
     let [low, high] = object.friction.unwrap_or(setup.scenario.arena.friction).bounds();
     let friction = f64::midpoint(low, high).max(1e-5);
+    let torsion_m =
+        object.spin_friction_nm(friction, gripper.max_force_n, object.mesh.aabb().size.min()) / gripper.max_force_n;
     // Neither restitution nor softness may weaken the friction: it has a time constant of its own, and
     // `impratio`.
     format!(
