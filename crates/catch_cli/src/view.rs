@@ -100,9 +100,17 @@ pub fn run(arguments: &ViewArguments) -> anyhow::Result<()> {
     if arguments.no_open {
         return Ok(screen::line(&page.display().to_string())?);
     }
+    show(&page)
+}
+
+/// Opens a page in a browser and prints its path.
+///
+/// # Errors
+/// If nothing can be printed.
+pub fn show(page: &Path) -> anyhow::Result<()> {
     if !has_display() {
         screen::line("There is no display here; open this file in a browser elsewhere:")?;
-    } else if !open(&page) {
+    } else if !open(page) {
         screen::line("No browser could be started; open this file yourself:")?;
     }
     Ok(screen::line(&page.display().to_string())?)

@@ -51,7 +51,7 @@ fn names_cannot_break_out_of_a_page() {
 #[test]
 fn a_page_tells_what_happened() {
     let folder = tempfile::tempdir().unwrap();
-    let document = record(folder.path(), &["--html", "--object", "pill_bottle"]);
+    let document = record(folder.path(), &["--object", "pill_bottle"]);
     let page = fs::read_to_string(document["pictures"]["page"].as_str().unwrap()).unwrap();
     let data = data_of(&page);
     assert_eq!(data["caught"], document["caught"]);
@@ -195,6 +195,6 @@ fn new_files_are_right_as_they_are() {
     }
     assert_eq!(catchingbot(&["new", "object", "../evil", "--out", out]).status.code(), Some(2));
     let object = folder.path().join("my_object");
-    let document = record(folder.path(), &["--object", object.to_str().unwrap(), "--html"]);
+    let document = record(folder.path(), &["--object", object.to_str().unwrap()]);
     assert_eq!(document["scene"]["object"], "my_object");
 }

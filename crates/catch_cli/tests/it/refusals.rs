@@ -208,7 +208,7 @@ fn pages_go_where_they_are_wanted() {
     let (out, pages) = (folder.path().join("with space"), folder.path().join("pages"));
     let output = catchingbot(&["catch", "--scenario", "paper", "--out", out.to_str().unwrap()]);
     let shown = stdout(&output);
-    let hint = shown.lines().find(|line| line.contains("look at it")).unwrap();
+    let hint = shown.lines().last().unwrap();
     assert!(hint.contains(&format!("view '{}", out.display())), "{hint}");
     let recording = fs::read_dir(&out).unwrap().map(|it| it.unwrap().path());
     let recording = recording.into_iter().find(|it| it.extension().is_some_and(|it| it == "catch")).unwrap();

@@ -2,11 +2,14 @@
 //!
 //! The page is one file without any reference to another, so it opens from a disk without a network.
 //! `page.html` is its body, `page.css` and `viewer.js` in the folder above what pages share, `scene.js` the
-//! three dimensions in WebGL 2, `plots.js` the plots and `controls.js` the slider; what was recorded goes in
+//! three dimensions, `drawing.js` and `why.js` their drawing in WebGL 2, `plots.js` the plots and `controls.js` the
+//! slider; what was recorded goes in
 //! as JSON with packed numbers.
 
+mod contacts;
 mod data;
 mod points;
+mod predictions;
 mod surfaces;
 
 use super::{VIEWER, document, fill, packed};
@@ -16,9 +19,11 @@ pub use data::PageData;
 pub(super) use {data::seven, surfaces::PackedSurface};
 
 const PAGE: &str = include_str!("catch_page/page.html");
-const SCRIPTS: [&str; 4] = [
+const SCRIPTS: [&str; 6] = [
     VIEWER,
     include_str!("catch_page/scene.js"),
+    include_str!("catch_page/drawing.js"),
+    include_str!("catch_page/why.js"),
     include_str!("catch_page/plots.js"),
     include_str!("catch_page/controls.js"),
 ];
