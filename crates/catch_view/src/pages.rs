@@ -3,7 +3,9 @@
 
 pub mod calibration_page;
 pub mod catch_page;
+pub mod compare_page;
 pub mod packed;
+pub mod pair_page;
 pub mod placement_page;
 pub mod report_page;
 pub mod robot_page;

@@ -225,8 +225,8 @@ impl Seen {
     }
 }
 
-/// The point to look at between hand and object, and the radius to show around it: the farther they are apart,
-/// the more, up to five times the `radius_m` of the hand.
+/// The point to look at between hand and object, and the radius to show around it: the farther they are
+/// apart, the more, up to five times the `radius_m` of the hand.
 pub fn between(playback: &Playback, sample: &MotionSample, radius_m: f64) -> (Point3<f64>, f64) {
     let hand = sample.X_WG * playback.gripper.grasp_centre();
     let away = sample.X_WO.map_or_else(Vector3::zeros, |X_WO| X_WO.translation.vector - hand.coords);

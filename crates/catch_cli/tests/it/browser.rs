@@ -107,8 +107,8 @@ const DRIVER: &str = "<script>{
   found.turned = before - camera.azimuth; found.requests = performance.getEntriesByType('resource').length; found.error = gl.getError();
 }</script></body>";
 
-/// Counts pixels of the object's colour at the catch: in the whole picture, with nothing but the object, and in
-/// the close-up. Then every key and button is reached.
+/// Counts pixels of the object's colour at the catch: in the whole picture, with nothing but the object, and
+/// in the close-up. Then every key and button is reached.
 const CATCH_DRIVER: &str = "<script>{
   const found = document.body.dataset;
   for (const [name] of LAYERS) toggle(name, name === 'obstacles');
@@ -191,6 +191,31 @@ fn the_catch_is_seen_without_touching_the_camera() {
     assert_eq!(["follows", "keys", "layer"].map(|name| found(&dom, name)), ["true", "true", "true"]);
     assert_eq!([found(&dom, "unreached"), found(&dom, "error")], ["0", "0"]);
     assert!(["t=", "camera=", "layers=", "follow"].iter().all(|part| found(&dom, "address").contains(part)));
+}
+
+#[test]
+fn two_throws_move_on_one_slider() {
+    let Some(browser) = Browser::find() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let page = page_of_a_throw(folder.path());
+    let recording = page.with_extension("catch");
+    let recording = recording.to_str().unwrap();
+    let viewed = catchingbot(&["view", "--no-open", recording, recording]);
+    assert!(viewed.status.success(), "{}", stderr(&viewed));
+    let pair = PathBuf::from(String::from_utf8(viewed.stdout).unwrap().trim());
+    let text = fs::read_to_string(&pair).unwrap();
+    assert!(text.len() < 1_000_000, "{} bytes", text.len());
+    assert_refers_to_nothing(&text);
+    browser.screenshot(&pair, "", [1360, 850], "pair");
+    let driven = folder.path().join("driven.html");
+    let driver = "<script>addEventListener('load', () => setTimeout(() => {
+        frames[0].contentWindow.seek(0.5);
+        setTimeout(() => { document.body.dataset.clock = frames[1].contentDocument.getElementById('clock').textContent; }, 1000);
+    }, 1000));</script></body>";
+    fs::write(&driven, text.replace("</body>", driver)).unwrap();
+    let (dom, console) = browser.run(&["--dump-dom", "--window-size=1360,850"], &driven, "");
+    assert!(console.is_empty(), "{console:?}");
+    assert_eq!(found(&dom, "clock"), "0.500 s");
 }
 
 #[test]

@@ -32,7 +32,15 @@ function refresh() {
     if (!playing) still = setTimeout(() => { draw(now, Math.max(2 / (devicePixelRatio || 1), 1)); writeAddress(); }, 300);
   });
 }
+// A throw beside another one tells its time, and follows the other's.
+let led = false;
+addEventListener("message", ({ source, data: told }) => {
+  if (source !== parent || !Number.isFinite(told?.time_s)) return;
+  setPlaying(false); led = true; seek(told.time_s);
+});
 function show() {
+  if (parent !== window && !led) parent.postMessage({ time_s: now }, "*");
+  led = false;
   $("time").value = now; $("clock").textContent = `${now.toFixed(3)} s`;
   draw(now);
   for (const { surface, cursor, value, read, left, right } of plots) {
@@ -143,7 +151,7 @@ function readAddress() {
   setRange(wanted.has("whole"));
   seek(Number(wanted.get("t")) || 0);
   // It plays on its own, but for those who asked for a time or for stillness.
-  setPlaying(wanted.has("play") || !wanted.has("t") && !matchMedia("(prefers-reduced-motion: reduce)").matches);
+  if (window.name !== "second") setPlaying(wanted.has("play") || !wanted.has("t") && !matchMedia("(prefers-reduced-motion: reduce)").matches);
 }
 function writeAddress() {
   const { azimuth, elevation, distance, target, chosen, follows } = camera, wanted = { t: now.toFixed(3) };

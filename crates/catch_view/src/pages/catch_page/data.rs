@@ -140,8 +140,8 @@ struct Stages {
 }
 
 impl PageData {
-    /// Gathers what the page of a throw shows.
-    pub fn of(playback: &Playback) -> Self {
+    /// Gathers what the page of a throw shows, with at most so many points of its images.
+    pub fn of(playback: &Playback, points: usize) -> Self {
         let Playback { header, ending, robot, gripper, .. } = playback;
         let ground_truth = playback.ground_truth();
         let verdict = ground_truth.map(|it| &it.verdict);
@@ -178,7 +178,7 @@ impl PageData {
             plans: playback.ticks.iter().filter_map(|tick| plan_of(playback, tick)).collect(),
             contacts: contacts(playback),
             candidates: candidates(playback),
-            points: PackedPoints::of(playback),
+            points: PackedPoints::of(playback, points),
             cameras: header.cell.cameras.iter().map(camera).collect(),
             stages: Stages::of(playback),
         }

@@ -20,7 +20,8 @@ pub struct Predictions {
     time_s: Vec<f64>,
     points: usize,
     p_WO: Packed,
-    /// Half axes of the ellipsoid of three standard deviations around a path's last point, one after the other.
+    /// Half axes of the ellipsoid of three standard deviations around a path's last point, one after the
+    /// other.
     half_axes_m: Packed,
 }
 
