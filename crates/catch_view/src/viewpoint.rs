@@ -36,7 +36,7 @@ const BEFORE: f64 = 0.4;
 /// Weight of a look along the axis across closing direction and approach.
 const ACROSS_HAND: f64 = 0.8;
 /// Weight of a look across the flight.
-const ACROSS_FLIGHT: f64 = 0.3;
+const ACROSS_FLIGHT: f64 = 0.5;
 
 /// Pixels of hand and object from a viewpoint at the catch.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

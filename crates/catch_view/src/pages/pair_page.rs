@@ -2,7 +2,10 @@
 
 use serde::Serialize;
 
-use super::{catch_page, document, fill, packed};
+use super::{
+    catch_page::{self, MOST_POINTS, PageData},
+    document, fill, packed,
+};
 use crate::playback::Playback;
 
 const PAGE: &str = include_str!("pair_page/page.html");
@@ -24,13 +27,13 @@ struct ThrowData {
 
 /// The page of two throws with their names.
 pub fn page(throws: [(&str, &Playback); 2]) -> String {
-    let data = PairData {
-        page: catch_page::template(),
-        throws: throws.map(|(name, playback)| ThrowData {
-            title: packed::text_in_html(&format!("{name}: {}", playback.header.title)),
-            data: packed::json_in_html(&catch_page::PageData::of(playback, catch_page::MOST_POINTS / 2)),
-        }),
+    let [a, b] = throws.map(|(_, playback)| PageData::of(playback, MOST_POINTS / 2));
+    let b = b.seen_as(&a);
+    let throw = |(name, playback): (&str, &Playback), data: &PageData| ThrowData {
+        title: packed::text_in_html(&format!("{name}: {}", playback.header.title)),
+        data: packed::json_in_html(data),
     };
+    let data = PairData { page: catch_page::template(), throws: [throw(throws[0], &a), throw(throws[1], &b)] };
     let title = format!("{} and {}", throws[0].0, throws[1].0);
     document(&title, "pair", "", &fill(PAGE, &[("data", &packed::json_in_html(&data)), ("script", SCRIPT)]))
 }

@@ -33,14 +33,13 @@ function refresh() {
   });
 }
 // A throw beside another one tells its time, and follows the other's.
-let led = false;
+let shared = 0;
 addEventListener("message", ({ source, data: told }) => {
   if (source !== parent || !Number.isFinite(told?.time_s)) return;
-  setPlaying(false); led = true; seek(told.time_s);
+  setPlaying(false); seek(told.time_s); shared = now;
 });
 function show() {
-  if (parent !== window && !led) parent.postMessage({ time_s: now }, "*");
-  led = false;
+  if (parent !== window && now !== shared) parent.postMessage({ time_s: shared = now }, "*");
   $("time").value = now; $("clock").textContent = `${now.toFixed(3)} s`;
   draw(now);
   for (const { surface, cursor, value, read, left, right } of plots) {

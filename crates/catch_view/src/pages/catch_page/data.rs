@@ -64,7 +64,7 @@ struct Event {
 }
 
 /// A viewpoint on the catch.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Copy, Serialize)]
 struct View {
     azimuth: f64,
     elevation: f64,
@@ -182,6 +182,13 @@ impl PageData {
             cameras: header.cell.cameras.iter().map(camera).collect(),
             stages: Stages::of(playback),
         }
+    }
+}
+
+impl PageData {
+    /// The data with the first view of another throw, for two throws beside each other.
+    pub fn seen_as(self, other: &Self) -> Self {
+        Self { scene_view: other.scene_view, ..self }
     }
 }
 
