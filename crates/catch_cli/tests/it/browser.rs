@@ -209,7 +209,7 @@ fn two_throws_move_on_one_slider() {
     browser.screenshot(&pair, "", [1360, 850], "pair");
     let driven = folder.path().join("driven.html");
     let driver = "<script>addEventListener('load', () => setTimeout(() => {
-        frames[0].contentWindow.seek(0.5);
+        frames[0].contentWindow.setPlaying(false); frames[0].contentWindow.seek(0.5);
         setTimeout(() => { document.body.dataset.clock = frames[1].contentDocument.getElementById('clock').textContent; }, 1000);
     }, 1000));</script></body>";
     fs::write(&driven, text.replace("</body>", driver)).unwrap();
