@@ -53,16 +53,9 @@ pub struct CatchArguments {
     index: u64,
     #[command(flatten)]
     output: OutputArguments,
-    #[command(flatten)]
-    pictures: PictureArguments,
-}
-
-/// Files that are written beside the recording.
-#[derive(Debug, Args)]
-pub struct PictureArguments {
-    /// Write the page that `view` shows: one file, no network
-    #[arg(long)]
-    html: bool,
+    /// Open the page in a browser
+    #[arg(long, conflicts_with = "json")]
+    open: bool,
     #[command(flatten)]
     files: view::FileArguments,
 }
@@ -96,7 +89,7 @@ struct Document<'a> {
 /// # Errors
 /// Faults in the arguments and files; a folder that cannot be written.
 pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
-    let CatchArguments { choice, object, throw, seed, index, output, pictures } = arguments;
+    let CatchArguments { choice, object, throw, seed, index, output, open, files } = arguments;
     let setup = Setup::load(&choice.with(object.as_deref(), throw.as_deref()))?;
     let scene = setup.scene(*seed, *index);
     setup.check_throw(*seed, *index)?;
@@ -111,7 +104,10 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     let RecordedThrow { recording, timeline, verdict, conditions, stopwatch, images_until_s } =
         record(&setup, *seed, *index, &output.out, &mut |entry| if aloud { tell(entry) } else { Ok(()) })
             .with_context(|| format!("the recording in {}", output.out.display()))?;
-    let written = pictures.write(&recording)?;
+    let playback = Playback::read(&recording)?;
+    let mut written = files.write(&recording, &playback)?;
+    let page = view::write_page(&recording, &playback)?;
+    written.insert("page", page.clone());
 
     if aloud {
         summary(&setup, &scene, &verdict, &stopwatch, &recording)?;
@@ -122,10 +118,8 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
         for (kind, path) in &written {
             screen::fact(kind, &path.display().to_string())?;
         }
-        if written.is_empty() {
-            screen::fact("look at it", &screen::command(&["view", &recording.to_string_lossy()]))?;
-        }
-        return Ok(screen::line("")?);
+        screen::line("")?;
+        return if *open { view::show(&page) } else { tell_how_to_open(&page) };
     }
     screen::json(&Document {
         version: VERSION,
@@ -148,19 +142,10 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     })
 }
 
-impl PictureArguments {
-    /// Writes what was asked for beside the recording; returns the files by their kinds.
-    fn write(&self, recording: &Path) -> anyhow::Result<BTreeMap<&'static str, PathBuf>> {
-        if !(self.html || self.files.any()) {
-            return Ok(BTreeMap::new());
-        }
-        let playback = Playback::read(recording)?;
-        let mut written = self.files.write(recording, &playback)?;
-        if self.html {
-            written.insert("page", view::write_page(recording, &playback)?);
-        }
-        Ok(written)
-    }
+/// Prints the command that opens the page.
+fn tell_how_to_open(page: &Path) -> anyhow::Result<()> {
+    let command = screen::command(&["view", &page.to_string_lossy()]);
+    Ok(screen::line(&format!("  {STRONG}See it{STRONG:#}: {command}"))?)
 }
 
 fn title(setup: &Setup, scene: &Scene) -> io::Result<()> {

@@ -17,6 +17,7 @@
 mod calibrate;
 mod catch;
 mod check;
+mod compare;
 mod completions;
 mod eval;
 mod export;
@@ -115,7 +116,8 @@ enum Command {
     Replay(replay::ReplayArguments),
     /// Throws in the formats of other tools
     Export(Box<export::ExportArguments>),
-    /// A recording in the browser: three dimensions, a time slider, plots
+    /// A recording in the browser: three dimensions, a time slider, plots; two recordings on one slider; two
+    /// evaluations compared throw by throw
     View(view::ViewArguments),
     /// Measures the delay of a gripper before a move, from recordings: the setting gripper_latency_s
     GripperLatency(gripper_latency::GripperLatencyArguments),

@@ -1,4 +1,4 @@
-//! `catchingbot view`: a throw or a report in the browser.
+//! `catchingbot view`: a throw, two of them, or a report in the browser.
 
 use std::{
     collections::BTreeMap,
@@ -8,33 +8,36 @@ use std::{
 };
 
 use catch_body::InputError;
-use catch_lab::evaluation::results::REPORT_FILE;
+use catch_lab::evaluation::results::{self, REPORT_FILE};
 use catch_recording::{
     EXTENSION,
     whole_file::{self, COMMAND_LINE, make_writable},
 };
 use catch_view::{
     export::{mcap_file, urdf},
-    pages::catch_page,
+    pages::{catch_page, pair_page},
     playback::Playback,
 };
 use clap::Args;
 
-use crate::screen;
+use crate::{compare, screen};
 
 /// Arguments of `view`.
 #[derive(Debug, Args)]
 pub struct ViewArguments {
     /// A recording (*.catch) of a simulated throw or of a real cell, a page, or a folder of results with a
-    /// report
-    #[arg(value_name = "FILE")]
-    file: PathBuf,
+    /// report; two recordings are shown on one slider, two folders of `eval` are compared throw by throw
+    #[arg(value_name = "FILE", required = true, num_args = 1..=2)]
+    file: Vec<PathBuf>,
     /// Write the page and print its path, but open no browser
     #[arg(long)]
     no_open: bool,
-    /// Folder for what is written [default: beside the recording]
+    /// Folder for what is written [default: beside the recording; of a comparison out/compared]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Print a comparison as one JSON document, and open no browser
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     files: FileArguments,
 }
@@ -96,13 +99,37 @@ fn gif(_: &Playback) -> anyhow::Result<Vec<u8>> {
 /// # Errors
 /// A file that is neither a complete recording nor a page; a page that cannot be written.
 pub fn run(arguments: &ViewArguments) -> anyhow::Result<()> {
-    let page = page_of(arguments)?;
+    let page = match &arguments.file[..] {
+        [a, b] if results::is_in(a) && results::is_in(b) => {
+            let folder = arguments.out.as_deref().unwrap_or(Path::new(compare::FOLDER));
+            let page = compare::run([a, b], folder, arguments.json)?;
+            if arguments.json {
+                return Ok(());
+            }
+            page
+        }
+        _ if arguments.json => {
+            let found = "no two folders of results";
+            return Err(InputError::new(COMMAND_LINE, "--json", found, "two evaluations to compare").into());
+        }
+        [a, b] => page_of_pair([a, b], arguments)?,
+        [file, ..] => page_of(file, arguments)?,
+        [] => return Ok(()),
+    };
     if arguments.no_open {
         return Ok(screen::line(&page.display().to_string())?);
     }
+    show(&page)
+}
+
+/// Opens a page in a browser and prints its path.
+///
+/// # Errors
+/// If nothing can be printed.
+pub fn show(page: &Path) -> anyhow::Result<()> {
     if !has_display() {
         screen::line("There is no display here; open this file in a browser elsewhere:")?;
-    } else if !open(&page) {
+    } else if !open(page) {
         screen::line("No browser could be started; open this file yourself:")?;
     }
     Ok(screen::line(&page.display().to_string())?)
@@ -115,7 +142,23 @@ fn has_display() -> bool {
         || ["DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME"].into_iter().any(is_set)
 }
 
-fn page_of(ViewArguments { file, files, out, .. }: &ViewArguments) -> anyhow::Result<PathBuf> {
+/// Writes the page of two recordings beside the first one.
+fn page_of_pair(recordings: [&Path; 2], arguments: &ViewArguments) -> anyhow::Result<PathBuf> {
+    if arguments.files.any() {
+        return Err(InputError::new(COMMAND_LINE, "FILE", "two", "one recording, for --gif and --mcap").into());
+    }
+    let [a, b] = recordings.map(Playback::read);
+    let (a, b) = (a?, b?);
+    let names = recordings.map(|it| it.file_stem().unwrap_or_default().to_string_lossy().into_owned());
+    let folder = arguments.out.as_deref().or(recordings[0].parent()).unwrap_or(Path::new(""));
+    make_writable(folder, if arguments.out.is_some() { "--out" } else { "FILE" })?;
+    let page = folder.join(format!("{}-pair.html", names[0]));
+    let [first, second] = if names[0] == names[1] { ["A", "B"] } else { [&*names[0], &names[1]] };
+    whole_file::write(&page, pair_page::page([(first, &a), (second, &b)]))?;
+    Ok(page)
+}
+
+fn page_of(file: &Path, ViewArguments { files, out, .. }: &ViewArguments) -> anyhow::Result<PathBuf> {
     let is_page = file.is_file() && file.extension().is_some_and(|it| it == "html");
     if (files.any() || out.is_some()) && (file.is_dir() || is_page) {
         let found = file.display().to_string();
@@ -139,7 +182,7 @@ fn page_of(ViewArguments { file, files, out, .. }: &ViewArguments) -> anyhow::Re
         Some(folder) => make_writable(folder, "--out")?,
         None => make_writable(file.parent().unwrap_or(Path::new("")), "FILE")?,
     }
-    let beside = out.as_ref().map_or(file.clone(), |folder| folder.join(file.file_name().unwrap_or_default()));
+    let beside = out.as_ref().map_or(file.to_owned(), |folder| folder.join(file.file_name().unwrap_or_default()));
     for path in files.write(&beside, &playback)?.values() {
         screen::line(&path.display().to_string())?;
     }

@@ -2,6 +2,7 @@
 //! number of threads.
 
 pub mod cell_summary;
+pub mod comparison;
 pub mod published;
 pub mod results;
 pub mod summary_table;

@@ -9,3 +9,4 @@ pub mod pages;
 pub mod playback;
 pub mod points;
 pub mod surfaces;
+pub mod viewpoint;

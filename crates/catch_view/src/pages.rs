@@ -3,7 +3,9 @@
 
 pub mod calibration_page;
 pub mod catch_page;
+pub mod compare_page;
 pub mod packed;
+pub mod pair_page;
 pub mod placement_page;
 pub mod report_page;
 pub mod robot_page;
@@ -47,5 +49,33 @@ mod tests {
     fn values_are_put_in_once_and_not_looked_into() {
         assert_eq!(fill("<{{a}}|{{b}}>", &[("a", "{{b}}"), ("b", "2")]), "<{{b}}|2>");
         assert_eq!(fill("{{none}}.{{", &[]), ".{{");
+    }
+
+    /// Relative luminance of a colour `#rrggbb`. (WCAG 2.2.)
+    fn luminance(colour: &str) -> f64 {
+        let channel = |at: usize| f64::from(u8::from_str_radix(&colour[at..at + 2], 16).unwrap()) / 255.0;
+        let linear =
+            |value: f64| if value <= 0.04045 { value / 12.92 } else { libm::pow((value + 0.055) / 1.055, 2.4) };
+        0.2126 * linear(channel(1)) + 0.7152 * linear(channel(3)) + 0.0722 * linear(channel(5))
+    }
+
+    #[test]
+    fn text_stands_out_from_its_ground() {
+        for theme in STYLE.split(":root").skip(1).take(2) {
+            let colour = |name: &str| {
+                let value = theme.split(&format!("--{name}: ")).nth(1).unwrap();
+                luminance(&value[..7])
+            };
+            let on = |text: &'static str, ground| (text, ground);
+            let grounds =
+                ["paper", "card", "sky"].into_iter().flat_map(|ground| [on("ink", ground), on("faint", ground)]);
+            let links = ["paper", "card"].map(|ground| on("blue", ground));
+            let badges = ["good", "bad", "faint"].map(|ground| on("card", ground));
+            for (text, ground) in grounds.chain(links).chain(badges) {
+                let [dark, light] = [colour(text).min(colour(ground)), colour(text).max(colour(ground))];
+                let contrast = (light + 0.05) / (dark + 0.05);
+                assert!(contrast >= 4.5, "{text} on {ground}: {contrast:.2}");
+            }
+        }
     }
 }

@@ -150,13 +150,21 @@ impl Playback {
     }
 
     /// Returns the end of the flight: the first true contact with the gripper, else the last planned catch,
-    /// else the end.
+    /// else where hand and object were nearest, else the end.
     pub fn flight_end_s(&self) -> f64 {
         let flight_end_s = match self.ground_truth() {
-            Some(it) => it.verdict.contact_s.or(it.verdict.catch_time_s),
+            Some(it) => it.verdict.contact_s.or(it.verdict.catch_time_s).or_else(|| self.nearest_s(&it.truth.samples)),
             None => self.ticks.iter().rev().find_map(|tick| tick.report.plan.as_ref()).map(|plan| plan.catch_s),
         };
         flight_end_s.unwrap_or_else(|| self.end_s()).min(self.end_s())
+    }
+
+    /// The time at which the object was nearest to where the hand holds.
+    fn nearest_s(&self, samples: &[TruthSample]) -> Option<f64> {
+        let distance_m = |it: &TruthSample| {
+            (it.X_WG * self.gripper.grasp_centre() - Point3::from(it.X_WO.translation.vector)).norm()
+        };
+        samples.iter().min_by(|a, b| distance_m(a).total_cmp(&distance_m(b))).map(|it| it.time_s)
     }
 
     /// Computes the error of each prediction at the last planned catch, or at the end of the flight if there

@@ -69,16 +69,8 @@ fn screenshots() -> PathBuf {
 
 /// The page of a throw in `folder`.
 fn page_of_a_throw(folder: &Path) -> PathBuf {
-    let output = catchingbot(&[
-        "catch",
-        "--scenario",
-        "paper",
-        "--html",
-        "--object",
-        "banana",
-        "--out",
-        folder.to_str().unwrap(),
-    ]);
+    let output =
+        catchingbot(&["catch", "--scenario", "paper", "--object", "banana", "--out", folder.to_str().unwrap()]);
     assert!(output.status.success(), "{}", stderr(&output));
     folder.join("paper-banana-near-1-0.html")
 }
@@ -115,6 +107,34 @@ const DRIVER: &str = "<script>{
   found.turned = before - camera.azimuth; found.requests = performance.getEntriesByType('resource').length; found.error = gl.getError();
 }</script></body>";
 
+/// Counts pixels of the object's colour at the catch: in the whole picture, with nothing but the object, and
+/// in the close-up. Then every key and button is reached.
+const CATCH_DRIVER: &str = "<script>{
+  const found = document.body.dataset;
+  for (const [name] of LAYERS) toggle(name, name === 'obstacles');
+  const object = (view) => {
+    seek(data.flight_end_s); draw(now, 1);
+    const [x, y, width, height] = view, pixels = new Uint8Array(width * height * 4);
+    gl.readPixels(x, canvas.height - y - height, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    let count = 0;
+    for (let i = 0; i < pixels.length; i += 4) if (pixels[i + 2] < 0.6 * pixels[i] && pixels[i + 1] > 0.6 * pixels[i]) count++;
+    return count;
+  };
+  const inset = $('inset'); seek(data.flight_end_s);
+  const corner = [inset.offsetLeft, inset.offsetTop, inset.offsetWidth, inset.offsetHeight], whole = [0, 0, canvas.width, canvas.height];
+  found.near = object(corner); found.seen = object(whole) - found.near;
+  const all = [...scene.surfaces];
+  scene.surfaces.splice(0, all.length, ...all.filter((it) => it.of === 'object'));
+  found.alone = object(whole) - object(corner);
+  scene.surfaces.splice(0, 1, ...all);
+  for (const key of ['c', '?', 'n', 'p', '1', '7']) dispatchEvent(new KeyboardEvent('keydown', { key }));
+  found.follows = camera.follows; found.keys = !$('keys').hidden; found.layer = layers.truth;
+  writeAddress(); found.address = location.hash;
+  const focusable = (it) => it.tabIndex >= 0;
+  found.unreached = [...document.querySelectorAll('button, select, input, [onclick], #events li')].filter((it) => !focusable(it)).length;
+  found.error = gl.getError();
+}</script></body>";
+
 /// The value that the driver wrote into a page under `name`.
 fn found(dom: &str, name: &str) -> String {
     let value = dom.split(&format!("data-{name}=\"")).nth(1).and_then(|rest| rest.split('"').next());
@@ -139,7 +159,7 @@ fn the_page_of_a_throw_opens_from_a_disk_and_its_slider_moves_the_arm() {
 
     let driven = folder.path().join("driven.html");
     fs::write(&driven, text.replace("</head>", AT_ONCE).replace("</body>", DRIVER)).unwrap();
-    let (dom, console) = browser.run(&["--dump-dom", "--window-size=1360,850"], &driven, "");
+    let (dom, console) = browser.run(&["--dump-dom", "--window-size=1360,850"], &driven, "t=0");
     // Reading pixels back is what stalls here.
     assert!(console.iter().all(|line| line.contains("GPU stall")), "{console:?}");
     let arm: usize = found(&dom, "arm").parse().unwrap();
@@ -149,6 +169,53 @@ fn the_page_of_a_throw_opens_from_a_disk_and_its_slider_moves_the_arm() {
     assert!(found(&dom, "turned").parse::<f64>().unwrap() > 0.1, "dragging turns the camera");
     assert_eq!(found(&dom, "requests"), "0");
     assert_eq!(found(&dom, "error"), "0");
+}
+
+#[test]
+fn the_catch_is_seen_without_touching_the_camera() {
+    let Some(browser) = Browser::find() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let thrown = catchingbot(&["catch", "--workcell", "table_and_fence", "--json", "--out", out]);
+    let document: serde_json::Value = serde_json::from_slice(&thrown.stdout).unwrap();
+    let page = PathBuf::from(document["pictures"]["page"].as_str().unwrap());
+    browser.screenshot(&page, &format!("t={}", document["contact_s"]), [1360, 850], "contact");
+    let driven = folder.path().join("driven.html");
+    let text = fs::read_to_string(&page).unwrap();
+    fs::write(&driven, text.replace("</head>", AT_ONCE).replace("</body>", CATCH_DRIVER)).unwrap();
+    let (dom, console) = browser.run(&["--dump-dom", "--window-size=1360,850"], &driven, "t=0&theme=light");
+    assert!(console.iter().all(|line| line.contains("GPU stall")), "{console:?}");
+    let count = |name: &str| found(&dom, name).parse::<f64>().unwrap();
+    assert!(count("near") >= 5_000.0, "{} pixels in the close-up", count("near"));
+    assert!(count("seen") >= 0.4 * count("alone") && count("alone") > 100.0, "{} of {}", count("seen"), count("alone"));
+    assert_eq!(["follows", "keys", "layer"].map(|name| found(&dom, name)), ["true", "true", "true"]);
+    assert_eq!([found(&dom, "unreached"), found(&dom, "error")], ["0", "0"]);
+    assert!(["t=", "camera=", "layers=", "follow"].iter().all(|part| found(&dom, "address").contains(part)));
+}
+
+#[test]
+fn two_throws_move_on_one_slider() {
+    let Some(browser) = Browser::find() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let page = page_of_a_throw(folder.path());
+    let recording = page.with_extension("catch");
+    let recording = recording.to_str().unwrap();
+    let viewed = catchingbot(&["view", "--no-open", recording, recording]);
+    assert!(viewed.status.success(), "{}", stderr(&viewed));
+    let pair = PathBuf::from(String::from_utf8(viewed.stdout).unwrap().trim());
+    let text = fs::read_to_string(&pair).unwrap();
+    assert!(text.len() < 1_000_000, "{} bytes", text.len());
+    assert_refers_to_nothing(&text);
+    browser.screenshot(&pair, "", [1360, 850], "pair");
+    let driven = folder.path().join("driven.html");
+    let driver = "<script>addEventListener('load', () => setTimeout(() => {
+        frames[0].contentWindow.setPlaying(false); frames[0].contentWindow.seek(0.5);
+        setTimeout(() => { document.body.dataset.clock = frames[1].contentDocument.getElementById('clock').textContent; }, 1000);
+    }, 1000));</script></body>";
+    fs::write(&driven, text.replace("</body>", driver)).unwrap();
+    let (dom, console) = browser.run(&["--dump-dom", "--window-size=1360,850"], &driven, "");
+    assert!(console.is_empty(), "{console:?}");
+    assert_eq!(found(&dom, "clock"), "0.500 s");
 }
 
 #[test]

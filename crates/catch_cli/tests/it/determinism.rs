@@ -26,12 +26,13 @@ fn two_runs_write_the_same_recording_and_a_replay_wants_the_same() {
         assert!(recording == again, "{object}: the recordings differ");
         for document in [&mut first, &mut second] {
             // Wall times, and the folder.
-            document["stages"].take();
-            document["recording"].take();
+            for name in ["stages", "recording", "pictures"] {
+                document[name].take();
+            }
         }
         assert_eq!(first, second);
     }
-    assert_eq!(fs::read_dir(&one).unwrap().count(), 4, "two recordings with their times, and nothing else");
+    assert_eq!(fs::read_dir(&one).unwrap().count(), 6, "two recordings with their times and pages, and nothing else");
 
     let recording = one.join("paper-banana-far_sampled-5-0.catch");
     let output = catchingbot(&["replay", "--json", recording.to_str().unwrap()]);

@@ -51,7 +51,7 @@ fn names_cannot_break_out_of_a_page() {
 #[test]
 fn a_page_tells_what_happened() {
     let folder = tempfile::tempdir().unwrap();
-    let document = record(folder.path(), &["--html", "--object", "pill_bottle"]);
+    let document = record(folder.path(), &["--object", "pill_bottle"]);
     let page = fs::read_to_string(document["pictures"]["page"].as_str().unwrap()).unwrap();
     let data = data_of(&page);
     assert_eq!(data["caught"], document["caught"]);
@@ -168,6 +168,35 @@ fn an_evaluation_writes_a_report_with_a_page_for_each_miss() {
 }
 
 #[test]
+fn two_evaluations_are_compared_throw_by_throw() {
+    let folder = tempfile::tempdir().unwrap();
+    let missed = evaluate(folder.path());
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let throws = ["--scenario", "paper", "--throw", "near_sampled"];
+    let caught = catchingbot(&[&["eval", "--trials", "3", "--out", &at("caught")], &throws[..]].concat());
+    assert!(caught.status.success(), "{}", stderr(&caught));
+    let arguments = ["view", "--json", "--out", &at("compared"), &at("caught"), &missed];
+    let document: Value = serde_json::from_str(&stdout(&catchingbot(&arguments))).unwrap();
+    let cell = &document["cells"][0];
+    let counts = ["trials", "both", "only_a", "only_b", "neither"].map(|name| cell[name].as_u64().unwrap());
+    assert_eq!(counts, [2, 0, 2, 0, 0], "the throws that both have: {document}");
+    assert_eq!((cell["difference"].as_f64(), cell["mcnemar_p"].as_f64()), (Some(-1.0), Some(0.5)));
+    let page = fs::read_to_string(document["page"].as_str().unwrap()).unwrap();
+    let links: Vec<&str> = page.split("<a href=\"").skip(1).filter_map(|it| it.split('"').next()).collect();
+    assert_eq!(links.len(), 2);
+    for link in links {
+        let pair = fs::read(Path::new(&at("compared")).join(link)).unwrap();
+        assert!(pair.len() < 1_000_000, "{} bytes", pair.len());
+    }
+    // Throws of another seed are others.
+    let other = catchingbot(&[&["eval", "--trials", "1", "--seed", "2", "--out", &at("other")], &throws[..]].concat());
+    assert!(other.status.success(), "{}", stderr(&other));
+    let refused = catchingbot(&["view", "--no-open", &at("caught"), &at("other")]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(stderr(&refused).contains("one seed"), "{}", stderr(&refused));
+}
+
+#[test]
 fn new_files_are_right_as_they_are() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
@@ -195,6 +224,6 @@ fn new_files_are_right_as_they_are() {
     }
     assert_eq!(catchingbot(&["new", "object", "../evil", "--out", out]).status.code(), Some(2));
     let object = folder.path().join("my_object");
-    let document = record(folder.path(), &["--object", object.to_str().unwrap(), "--html"]);
+    let document = record(folder.path(), &["--object", object.to_str().unwrap()]);
     assert_eq!(document["scene"]["object"], "my_object");
 }

@@ -208,10 +208,11 @@ fn pages_go_where_they_are_wanted() {
     let (out, pages) = (folder.path().join("with space"), folder.path().join("pages"));
     let output = catchingbot(&["catch", "--scenario", "paper", "--out", out.to_str().unwrap()]);
     let shown = stdout(&output);
-    let hint = shown.lines().find(|line| line.contains("look at it")).unwrap();
+    let hint = shown.lines().last().unwrap();
     assert!(hint.contains(&format!("view '{}", out.display())), "{hint}");
     let recording = fs::read_dir(&out).unwrap().map(|it| it.unwrap().path());
     let recording = recording.into_iter().find(|it| it.extension().is_some_and(|it| it == "catch")).unwrap();
+    fs::remove_file(recording.with_extension("html")).unwrap();
     let arguments = ["view", "--no-open", "--out", pages.to_str().unwrap(), recording.to_str().unwrap()];
     let output = catchingbot(&arguments);
     assert!(output.status.success(), "{}", stderr(&output));

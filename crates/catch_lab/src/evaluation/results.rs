@@ -197,16 +197,8 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<(Identity, Vec<Row>), In
     }
     let mut parts = Vec::new();
     for folder in folders {
-        let identity = read_identity(&folder.join(IDENTITY_FILE))?;
-        let path = folder.join(TRIALS_FILE);
-        let (rows, bytes) = read_rows(&path, &identity)?;
-        let file = path.display().to_string();
-        let is_cut_off = fs::metadata(&path).is_ok_and(|it| it.len() != bytes);
-        if rows.len() % identity.cells.len().max(1) != 0 || is_cut_off || rows.is_empty() {
-            let found = format!("{} whole rows of {} cells", rows.len(), identity.cells.len());
-            return Err(InputError::new(&file, "the file", found, "a complete part; --resume completes it"));
-        }
-        parts.push((identity, rows, path, folder));
+        let (identity, rows) = read(folder)?;
+        parts.push((identity, rows, folder.join(TRIALS_FILE), folder));
     }
     parts.sort_by_key(|(identity, ..)| identity.first);
     let Some((whole, ..)) = parts.first() else {
@@ -231,6 +223,28 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<(Identity, Vec<Row>), In
     })?;
     write_tables(out, &whole, &all)?;
     Ok((whole, all))
+}
+
+/// Reads complete results: what was evaluated, and all rows.
+///
+/// # Errors
+/// A folder without results, or rows that are none or not complete.
+pub fn read(folder: &Path) -> Result<(Identity, Vec<Row>), InputError> {
+    let identity = read_identity(&folder.join(IDENTITY_FILE))?;
+    let path = folder.join(TRIALS_FILE);
+    let (rows, bytes) = read_rows(&path, &identity)?;
+    let is_cut_off = fs::metadata(&path).is_ok_and(|it| it.len() != bytes);
+    if rows.len() % identity.cells.len().max(1) != 0 || is_cut_off || rows.is_empty() {
+        let found = format!("{} whole rows of {} cells", rows.len(), identity.cells.len());
+        let expected = "complete results; --resume completes them";
+        return Err(InputError::new(path.display().to_string(), "the file", found, expected));
+    }
+    Ok((identity, rows))
+}
+
+/// Returns whether a folder holds results of an evaluation.
+pub fn is_in(folder: &Path) -> bool {
+    folder.join(IDENTITY_FILE).is_file()
 }
 
 fn read_identity(path: &Path) -> Result<Identity, InputError> {

@@ -1,81 +1,149 @@
 //! A throw as a small moving picture, for pages that show nothing else.
 //!
 //! The arena's ray caster draws it: arm, gripper and object shaded, their shadows on the floor, the object's
-//! true path behind it and the predicted one before it. Without ground truth the arm is as it was sensed, and
+//! true path behind it and the predicted one before it. Around the contact time passes slower, and a close-up
+//! of hand and object stands in a corner. Without ground truth the arm is as it was sensed, and
 //! object and true path are absent. All images share one palette, and each holds only the rectangle that
 //! changed.
 
-mod camera;
 mod palette;
 mod shading;
 
 use std::borrow::Cow;
 
+use catch_cell::CameraModel;
 use gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
 use nalgebra::Point3;
 
-use crate::playback::{MotionSample, Playback};
-use palette::{Palette, TRANSPARENT};
+use crate::{
+    playback::{MotionSample, Playback},
+    viewpoint::{CatchScene, Viewpoint, between},
+};
+use palette::{Colour, FRAME, Palette, TRANSPARENT};
 use shading::{Line, Shader};
 
 /// Size in pixels.
-const WIDTH: u16 = 480;
+const WIDTH: u16 = 560;
 /// Size in pixels.
-const HEIGHT: u16 = 300;
+const HEIGHT: u16 = 350;
+/// Width and height of the close-up in pixels, its frame included.
+const INSET: u16 = 190;
 /// The file is made no larger than this, in bytes: longer steps instead.
 const MOST_BYTES: usize = 400_000;
-/// Time between two images, in seconds of the throw, if the file does not get too large.
-const STEP_S: f64 = 0.0125;
-/// Duration of an image, in hundredths of a second: 3.2 times slower than it happened.
+/// Duration of an image, in hundredths of a second.
 const DELAY_CS: u16 = 4;
+/// Speed of the picture over that of the throw, away from the contact and around it.
+const SPEEDS: [f64; 2] = [0.3, 0.06];
+/// Time around the contact in which the picture is slow, and time before it in which it slows down.
+const SLOW_S: [f64; 2] = [0.03, 0.12];
 /// Duration of the last image, in hundredths of a second.
 const LAST_DELAY_CS: u16 = 150;
 /// Longest part of a recording before the end of the flight that is shown, in seconds.
 const LONGEST_S: f64 = 4.0;
 /// Duration of the picture after the contact, in seconds.
-const AFTER_CONTACT_S: f64 = 0.3;
-/// Duration of a predicted path after the planned catch, in seconds.
-const BEYOND_CATCH_S: f64 = 0.1;
+const AFTER_CONTACT_S: f64 = 0.2;
+/// Time before the contact from which the close-up is shown, in seconds.
+const CLOSE_UP_S: f64 = 0.15;
 /// Pieces of a path.
 const PIECE_S: f64 = 0.015;
 
-/// The picture of a throw, as a GIF file.
+/// The picture of a throw, as a GIF file; empty for a recording without motion.
 ///
 /// # Errors
 /// If it cannot be encoded, which would be a bug.
 pub fn gif(playback: &Playback) -> Result<Vec<u8>, EncodingError> {
-    let shader = Shader::new(playback, WIDTH, HEIGHT);
-    let mut step_s = STEP_S;
+    let Some(scene) = CatchScene::new(playback) else { return Ok(Vec::new()) };
+    let picture = Picture {
+        playback,
+        shader: Shader::new(playback),
+        camera: scene.framed(&scene.scene(), [WIDTH, HEIGHT]),
+        close_up: scene.close_up(),
+        palette: Palette::new(),
+    };
+    let mut stretch = 1.0;
     loop {
-        let file = encode(playback, &shader, step_s)?;
-        if file.len() <= MOST_BYTES || step_s > 0.1 {
+        let file = picture.encode(stretch)?;
+        if file.len() <= MOST_BYTES || stretch > 8.0 {
             return Ok(file);
         }
-        step_s *= 1.05 * file.len() as f64 / MOST_BYTES as f64;
+        stretch *= 1.05 * file.len() as f64 / MOST_BYTES as f64;
     }
 }
 
-fn encode(playback: &Playback, shader: &Shader, step_s: f64) -> Result<Vec<u8>, EncodingError> {
-    let palette = Palette::new();
-    let until_s = (playback.flight_end_s() + AFTER_CONTACT_S).min(playback.end_s());
-    let from_s = playback.start_s().max(playback.flight_end_s() - LONGEST_S);
-    let images = ((until_s - from_s) / step_s).floor() as usize + 1;
-    let delay_cs = (f64::from(DELAY_CS) * step_s / STEP_S).round() as u16;
-    let mut file = Vec::new();
-    let mut encoder = Encoder::new(&mut file, WIDTH, HEIGHT, &palette.bytes())?;
-    encoder.set_repeat(Repeat::Infinite)?;
-    let mut before: Option<Vec<u8>> = None;
-    for image in 0..images {
-        let Some(sample) = playback.motion_at(from_s + image as f64 * step_s) else { continue };
-        let colours = shader.image(&sample, &lines(playback, &sample));
-        let pixels: Vec<u8> = colours.iter().map(|colour| palette.nearest(colour)).collect();
-        let mut frame = changes(before.as_deref(), &pixels);
-        frame.delay = if image + 1 == images { LAST_DELAY_CS } else { delay_cs };
-        encoder.write_frame(&frame)?;
-        before = Some(pixels);
+/// All that the images share.
+struct Picture<'a> {
+    playback: &'a Playback,
+    shader: Shader,
+    camera: CameraModel,
+    close_up: Viewpoint,
+    palette: Palette,
+}
+
+impl Picture<'_> {
+    /// The file with images `stretch` times as far apart as they should be.
+    fn encode(&self, stretch: f64) -> Result<Vec<u8>, EncodingError> {
+        let times_s = self.times_s(stretch);
+        let mut file = Vec::new();
+        let mut encoder = Encoder::new(&mut file, WIDTH, HEIGHT, &self.palette.bytes())?;
+        encoder.set_repeat(Repeat::Infinite)?;
+        let mut before: Option<Vec<u8>> = None;
+        for (image, time_s) in times_s.iter().enumerate() {
+            let Some(sample) = self.playback.motion_at(*time_s) else { continue };
+            let pixels = self.image(&sample);
+            let mut frame = changes(before.as_deref(), &pixels);
+            let delay_cs = (f64::from(DELAY_CS) * stretch).round() as u16;
+            frame.delay = if image + 1 == times_s.len() { LAST_DELAY_CS } else { delay_cs };
+            encoder.write_frame(&frame)?;
+            before = Some(pixels);
+        }
+        drop(encoder);
+        Ok(file)
     }
-    drop(encoder);
-    Ok(file)
+
+    /// Times of the images: closer to each other around the contact.
+    fn times_s(&self, stretch: f64) -> Vec<f64> {
+        let contact_s = self.playback.flight_end_s();
+        let until_s = (contact_s + AFTER_CONTACT_S).min(self.playback.end_s());
+        let mut time_s = self.playback.start_s().max(contact_s - LONGEST_S);
+        let mut times_s = Vec::new();
+        while time_s < until_s {
+            times_s.push(time_s);
+            let away = (((time_s - contact_s).abs() - SLOW_S[0]) / SLOW_S[1]).clamp(0.0, 1.0);
+            let speed = SPEEDS[1] + (SPEEDS[0] - SPEEDS[1]) * away;
+            time_s += f64::from(DELAY_CS) / 100.0 * speed * stretch;
+        }
+        times_s.push(until_s);
+        times_s
+    }
+
+    /// An image as numbers of the palette's colours.
+    fn image(&self, sample: &MotionSample) -> Vec<u8> {
+        let lines = lines(self.playback, sample);
+        let mut colours = self.shader.image(&self.camera, sample, &lines);
+        if sample.time_s >= self.playback.flight_end_s() - CLOSE_UP_S {
+            let (target, radius_m) = between(self.playback, sample, self.close_up.radius_m);
+            let camera = self.close_up.around(&target, radius_m, u32::from(INSET));
+            self.inset(&mut colours, &self.shader.image(&camera, sample, &lines));
+        }
+        colours.iter().map(|colour| self.palette.nearest(colour)).collect()
+    }
+
+    /// Puts the close-up into the lower corner that is farther from the hand.
+    fn inset(&self, colours: &mut [Colour], close_up: &[Colour]) {
+        let (width, height, size) = (usize::from(WIDTH), usize::from(HEIGHT), usize::from(INSET));
+        let hand = self.playback.motion_at(self.playback.flight_end_s()).map(|it| it.X_WG.translation.vector.into());
+        let seen = hand.and_then(|p_W| self.camera.project(&self.camera.X_WC.inverse_transform_point(&p_W)));
+        let left = if seen.is_some_and(|uv| uv.x < f64::from(WIDTH) / 2.0) { width - size } else { 0 };
+        for (row, pixels) in close_up.chunks(size).enumerate() {
+            let start = (height - size + row) * width + left;
+            colours[start..start + size].copy_from_slice(pixels);
+            colours[start] = FRAME;
+            colours[start + size - 1] = FRAME;
+            if row == 0 || row + 1 == size {
+                colours[start..start + size].fill(FRAME);
+            }
+        }
+    }
 }
 
 /// The smallest rectangle that holds all changes; within it, what did not change is left as it is.
@@ -111,7 +179,7 @@ fn lines(playback: &Playback, sample: &MotionSample) -> Vec<Line> {
     let report = tick.map(|tick| &tick.report);
     if let Some((flight, plan)) = report.and_then(|it| it.flight.as_ref().zip(it.plan.as_ref())) {
         let com_O = playback.com_O();
-        let path = path(now_s, plan.catch_s + BEYOND_CATCH_S, |at_s| Some(flight.pose_at(at_s) * com_O));
+        let path = path(now_s, plan.catch_s, |at_s| Some(flight.pose_at(at_s) * com_O));
         lines.push(Line { path, colour: palette::PREDICTED, width_px: 2.0 });
     }
     if playback.ground_truth().is_none() {

@@ -2,33 +2,41 @@
 //!
 //! The page is one file without any reference to another, so it opens from a disk without a network.
 //! `page.html` is its body, `page.css` and `viewer.js` in the folder above what pages share, `scene.js` the
-//! three dimensions in WebGL 2, `plots.js` the plots and `controls.js` the slider; what was recorded goes in
-//! as JSON with packed numbers.
+//! three dimensions, `drawing.js` and `why.js` their drawing in WebGL 2, `plots.js` the plots and
+//! `controls.js` the slider; what was recorded goes in as JSON with packed numbers.
 
+mod contacts;
 mod data;
 mod points;
+mod predictions;
 mod surfaces;
 
 use super::{VIEWER, document, fill, packed};
 use crate::playback::Playback;
 
-pub use data::PageData;
+pub use {data::PageData, points::MOST_POINTS};
 pub(super) use {data::seven, surfaces::PackedSurface};
 
 const PAGE: &str = include_str!("catch_page/page.html");
-const SCRIPTS: [&str; 4] = [
+const SCRIPTS: [&str; 6] = [
     VIEWER,
     include_str!("catch_page/scene.js"),
+    include_str!("catch_page/drawing.js"),
+    include_str!("catch_page/why.js"),
     include_str!("catch_page/plots.js"),
     include_str!("catch_page/controls.js"),
 ];
 
 /// The page of a throw.
 pub fn page(playback: &Playback) -> String {
-    let (title, data) = (&playback.header.title, packed::json_in_html(&PageData::of(playback)));
-    let heading = packed::text_in_html(title);
-    let body = fill(PAGE, &[("title", &heading), ("data", &data), ("script", &SCRIPTS.concat())]);
-    document(title, "catch", "", &body)
+    let data = packed::json_in_html(&PageData::of(playback, MOST_POINTS));
+    fill(&template(), &[("title", &packed::text_in_html(&playback.header.title)), ("data", &data)])
+}
+
+/// The page of any throw, in which `{{title}}` and `{{data}}` stand for a throw's own.
+pub(super) fn template() -> String {
+    let body = fill(PAGE, &[("title", "{{title}}"), ("data", "{{data}}"), ("script", &SCRIPTS.concat())]);
+    document("{{title}}", "catch", "", &body)
 }
 
 #[cfg(test)]
@@ -39,5 +47,8 @@ mod tests {
     fn the_template_names_only_what_is_filled_in() {
         let names: Vec<&str> = PAGE.split("{{").skip(1).filter_map(|part| part.split("}}").next()).collect();
         assert_eq!(names, ["title", "data", "script"]);
+        let template = template();
+        let names: Vec<&str> = template.split("{{").skip(1).filter_map(|part| part.split("}}").next()).collect();
+        assert_eq!(names, ["title", "title", "data"], "no script looks like a place to fill");
     }
 }

@@ -24,6 +24,8 @@ use rows::{Mark, Scale, row};
 pub use misses::{MOST_MISSES, MOST_MISSES_OF_A_STEP, record_misses};
 pub use study::study_page;
 
+pub(super) use misses::recorded;
+
 /// Chooses light or dark before anything is drawn.
 const THEME: &str = include_str!("report_page/theme.html");
 const REPORT_STYLE: &str = include_str!("report_page/report.css");
@@ -53,7 +55,7 @@ pub fn page(report: &Report) -> String {
 }
 
 /// A page that looks like a report.
-fn report_document(title: &str, sections: &str) -> String {
+pub(super) fn report_document(title: &str, sections: &str) -> String {
     document(title, "report", REPORT_STYLE, &[THEME, sections].concat())
 }
 

@@ -112,6 +112,7 @@ function shaded(surface) {
 }
 
 // ---- The camera that looks at it all.
+const VIEW_RAD = 0.72;
 const camera = { azimuth: 0, elevation: 0.3, distance: 3, target: [0, 0, 0.5], chosen: false };
 // Moves the camera sideways by so many pixels.
 function pan(dx, dy) {
@@ -121,11 +122,16 @@ function pan(dx, dy) {
 function eyeOf({ azimuth, elevation, distance, target }) {
   return [target[0] + distance * Math.cos(elevation) * Math.cos(azimuth), target[1] + distance * Math.cos(elevation) * Math.sin(azimuth), target[2] + distance * Math.sin(elevation)];
 }
-function viewMatrix() {
-  const eye = eyeOf(camera), back = unit(minus(eye, camera.target)), right = unit(cross([0, 0, 1], back)), up = cross(back, right);
+function viewMatrix(from = camera, aspect = canvas.clientWidth / Math.max(canvas.clientHeight, 1)) {
+  const eye = eyeOf(from), back = unit(minus(eye, from.target)), right = unit(cross([0, 0, 1], back)), up = cross(back, right);
   const look = [right[0], up[0], back[0], 0, right[1], up[1], back[1], 0, right[2], up[2], back[2], 0, -dot(right, eye), -dot(up, eye), -dot(back, eye), 1];
-  const f = 1 / Math.tan(0.36), near = 0.05, far = 40;
-  return multiply([f * canvas.clientHeight / Math.max(canvas.clientWidth, 1), 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0], look);
+  const f = 1 / Math.tan(VIEW_RAD / 2), near = 0.05, far = 40;
+  return multiply([f / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0], look);
+}
+// Where a point is in a view, from −1 to 1 to the right and upward, and its depth.
+function projected(view, [x, y, z]) {
+  const [u, v, w] = [0, 1, 3].map((r) => view[r] * x + view[4 + r] * y + view[8 + r] * z + view[12 + r]);
+  return [u / Math.max(w, 0.2), v / Math.max(w, 0.2), w];
 }
 
 // A colour of the page's style.

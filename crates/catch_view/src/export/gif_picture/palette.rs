@@ -11,6 +11,8 @@ pub const TRUE: Colour = [0.85, 0.28, 0.06];
 pub const PREDICTED: Colour = [0.11, 0.43, 0.82];
 /// Colour of the object, fully lit.
 pub const OBJECT: Colour = [1.0, 0.74, 0.12];
+/// Colour of the close-up's frame.
+pub const FRAME: Colour = [0.45, 0.47, 0.5];
 
 const GREYS: usize = 56;
 const SHADES: usize = 20;

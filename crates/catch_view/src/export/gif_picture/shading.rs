@@ -2,15 +2,12 @@
 
 use catch_body::{
     Pose, Robot,
-    ray_cast::{ArmSurface, RayCaster},
+    ray_cast::{ArmSurface, RayCaster, SurfacePart},
 };
 use catch_cell::{CameraModel, PixelWindow, sight::Sight};
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
-use super::{
-    camera::beside_the_flight,
-    palette::{Colour, OBJECT, grey},
-};
+use super::palette::{Colour, OBJECT, grey};
 use crate::playback::{MotionSample, Playback};
 
 const SKY: f64 = 0.93;
@@ -19,8 +16,12 @@ const GRID: f64 = 0.80;
 /// Brightness of a shadow over that of the floor around it.
 const SHADOW: f64 = 0.80;
 const LINK: f64 = 0.95;
-const HOUSING: f64 = 0.30;
-const FINGER: f64 = 0.42;
+const GRIPPER: f64 = 0.38;
+const OBSTACLE: f64 = 0.74;
+/// Opacity of a link before hand or object.
+const VEIL: f64 = 0.2;
+/// Opacity of the surroundings.
+const FADED: f64 = 0.25;
 /// Rays per pixel and direction where bodies meet.
 const FINE: usize = 3;
 
@@ -38,11 +39,17 @@ pub struct Line {
 /// Parts of the scene that are the same in all images of a throw.
 #[derive(Debug)]
 pub struct Shader {
-    camera: CameraModel,
     arm: ArmSurface,
     object: Option<RayCaster>,
     sun: Vector3<f64>,
     robot: Robot,
+}
+
+/// Bodies before a camera at an instant.
+struct Shot<'a> {
+    camera: &'a CameraModel,
+    sun: Vector3<f64>,
+    bodies: Vec<Body<'a>>,
 }
 
 /// A body at an instant.
@@ -54,6 +61,8 @@ struct Body<'a> {
     caster: &'a RayCaster,
     sight: Sight<'a>,
     colour: Colour,
+    /// Opacity before everything, and before hand and object, which have none: they are never hidden.
+    opacity: Option<[f64; 2]>,
 }
 
 /// Surface that a pixel shows.
@@ -67,10 +76,9 @@ struct Seen {
 }
 
 impl Shader {
-    /// Prepares the surfaces and chooses where the camera stands.
-    pub fn new(playback: &Playback, width_px: u16, height_px: u16) -> Self {
+    /// Prepares the surfaces.
+    pub fn new(playback: &Playback) -> Self {
         Self {
-            camera: beside_the_flight(playback, width_px, height_px),
             arm: ArmSurface::new(&playback.robot, &playback.gripper),
             object: playback.ground_truth().map(|it| RayCaster::new(&it.surface.mesh())),
             sun: Vector3::new(0.35, -0.35, 0.87).normalize(),
@@ -78,36 +86,51 @@ impl Shader {
         }
     }
 
-    /// One image, row by row.
-    pub fn image(&self, sample: &MotionSample, lines: &[Line]) -> Vec<Colour> {
+    /// One image of a camera, row by row.
+    pub fn image(&self, camera: &CameraModel, sample: &MotionSample, lines: &[Line]) -> Vec<Colour> {
         let X_WL = self.robot.link_poses(&sample.q);
-        let parts: Vec<(Pose, &RayCaster)> = self.arm.parts(&X_WL, sample.width_m).collect();
-        let links = parts.len().saturating_sub(3);
-        let mut bodies: Vec<Body> = parts
-            .into_iter()
-            .enumerate()
-            .map(|(i, (X_WB, caster))| {
-                let brightness = if i < links {
-                    LINK
-                } else if i == links {
-                    HOUSING
-                } else {
-                    FINGER
+        let mut bodies: Vec<Body> = self
+            .arm
+            .named_parts(&X_WL, sample.width_m)
+            .map(|(part, X_WB, caster)| {
+                let (colour, opacity) = match part {
+                    SurfacePart::Link(_) => (LINK, Some([1.0, VEIL])),
+                    SurfacePart::Gripper => (GRIPPER, None),
+                    SurfacePart::Obstacle => (OBSTACLE, Some([FADED; 2])),
                 };
-                self.body(X_WB, caster, grey(brightness))
+                Body::new(camera, X_WB, caster, (grey(colour), opacity))
             })
             .collect();
         let object = sample.X_WO.zip(self.object.as_ref());
-        bodies.extend(object.map(|(X_WO, caster)| self.body(X_WO, caster, OBJECT)));
+        bodies.extend(object.map(|(X_WO, caster)| Body::new(camera, X_WO, caster, (OBJECT, None))));
+        Shot { camera, sun: self.sun, bodies }.image(lines)
+    }
+}
 
+impl<'a> Body<'a> {
+    fn new(camera: &'a CameraModel, X_WB: Pose, caster: &'a RayCaster, looks: (Colour, Option<[f64; 2]>)) -> Self {
+        Self {
+            X_WB,
+            R_BW: X_WB.rotation.inverse().to_rotation_matrix().into_inner(),
+            centre_W: X_WB * caster.centre(),
+            caster,
+            sight: Sight::new(camera, &X_WB, caster),
+            colour: looks.0,
+            opacity: looks.1,
+        }
+    }
+}
+
+impl Shot<'_> {
+    fn image(&self, lines: &[Line]) -> Vec<Colour> {
         let window = self.camera.full_window();
         let (width, count) = (window.width as usize, window.area());
-        let centres: Vec<Seen> = (0..count).map(|pixel| self.look(&bodies, &window.pixel_centre(pixel))).collect();
+        let centres: Vec<Seen> = (0..count).map(|pixel| self.look(&window.pixel_centre(pixel))).collect();
         let mut colours: Vec<Colour> = (0..count)
             .map(|pixel| {
                 let neighbours = [pixel.wrapping_sub(1), pixel + 1, pixel.wrapping_sub(width), pixel + width];
                 let meets = |&at: &usize| centres.get(at).is_some_and(|it| it.body != centres[pixel].body);
-                if neighbours.iter().any(meets) { self.finely(&bodies, pixel) } else { centres[pixel].colour }
+                if neighbours.iter().any(meets) { self.finely(pixel) } else { centres[pixel].colour }
             })
             .collect();
         for line in lines {
@@ -116,47 +139,42 @@ impl Shader {
         colours
     }
 
-    fn body<'a>(&'a self, X_WB: Pose, caster: &'a RayCaster, colour: Colour) -> Body<'a> {
-        Body {
-            X_WB,
-            R_BW: X_WB.rotation.inverse().to_rotation_matrix().into_inner(),
-            centre_W: X_WB * caster.centre(),
-            caster,
-            sight: Sight::new(&self.camera, &X_WB, caster),
-            colour,
-        }
-    }
-
     /// A pixel's mean colour.
-    fn finely(&self, bodies: &[Body], pixel: usize) -> Colour {
+    fn finely(&self, pixel: usize) -> Colour {
         let centre = self.camera.full_window().pixel_centre(pixel);
         let offset = |i: usize| (i as f64 + 0.5) / FINE as f64 - 0.5;
         let mut sum = [0.0; 3];
         for i in 0..FINE * FINE {
             let uv = Point2::new(centre.x + offset(i % FINE), centre.y + offset(i / FINE));
-            let colour = self.look(bodies, &uv).colour;
+            let colour = self.look(&uv).colour;
             sum = [0, 1, 2].map(|c| sum[c] + colour[c] / (FINE * FINE) as f64);
         }
         sum
     }
 
-    /// Casts a ray through a point of the image.
-    fn look(&self, bodies: &[Body], uv: &Point2<f64>) -> Seen {
+    /// Casts a ray through a point of the image: the nearest surface that is not seen through, and over it
+    /// those before it that are.
+    fn look(&self, uv: &Point2<f64>) -> Seen {
         let origin = Point3::from(self.camera.X_WC.translation.vector);
         let direction = self.camera.X_WC.rotation * self.camera.back_project(uv, 1.0).coords;
-        let mut seen = Seen { colour: [0.0; 3], depth_m: f64::INFINITY, body: usize::MAX };
-        let mut normal = Vector3::z();
-        for (i, body) in bodies.iter().enumerate().filter(|(_, body)| contains(&body.sight.window(), uv)) {
-            if let Some(hit) = body.sight.at(uv, seen.depth_m) {
-                seen = Seen { depth_m: hit.t, body: i, ..seen };
-                normal = self.camera.X_WC.rotation * body.sight.normal_C(hit.triangle);
-            }
+        let mut hits: Vec<(f64, usize, usize)> = Vec::new();
+        for (i, body) in self.bodies.iter().enumerate().filter(|(_, body)| contains(&body.sight.window(), uv)) {
+            hits.extend(body.sight.at(uv, f64::INFINITY).map(|hit| (hit.t, i, hit.triangle)));
         }
-        seen.colour = match bodies.get(seen.body) {
-            Some(body) => self.lit(body, &normal, &direction.normalize()),
-            None => self.background(bodies, &origin, &direction),
+        hits.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let shows_catch = hits.iter().any(|(_, i, _)| self.bodies[*i].opacity.is_none());
+        let opacity = |i: usize| self.bodies[i].opacity.map_or(1.0, |it| it[usize::from(shows_catch)]);
+        let colour = |&(_, i, triangle): &(f64, usize, usize)| {
+            let normal = self.camera.X_WC.rotation * self.bodies[i].sight.normal_C(triangle);
+            self.lit(&self.bodies[i], &normal, &direction.normalize())
         };
-        seen
+        let solid = hits.iter().position(|(_, i, _)| opacity(*i) == 1.0);
+        let behind = match solid {
+            Some(at) => Seen { colour: colour(&hits[at]), depth_m: hits[at].0, body: hits[at].1 },
+            None => Seen { colour: self.background(&origin, &direction), depth_m: f64::INFINITY, body: usize::MAX },
+        };
+        let before = hits[..solid.unwrap_or(hits.len())].iter().rev();
+        before.fold(behind, |seen, hit| Seen { colour: mixed(&seen.colour, &colour(hit), opacity(hit.1)), ..seen })
     }
 
     /// A surface in the light of sky and sun.
@@ -168,7 +186,7 @@ impl Shader {
     }
 
     /// Floor with its grid and the shadows on it, or sky.
-    fn background(&self, bodies: &[Body], origin: &Point3<f64>, direction: &Vector3<f64>) -> Colour {
+    fn background(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Colour {
         let t = -origin.z / direction.z;
         if !(t > 0.0 && t.is_finite()) {
             return grey(SKY);
@@ -188,7 +206,8 @@ impl Shader {
             miss.norm_squared() <= body.caster.radius().powi(2)
                 && body.caster.cast(&body.X_WB.inverse_transform_point(&p_W), &(body.R_BW * self.sun)).is_some()
         };
-        let shadow = if bodies.iter().any(blocked) { SHADOW } else { 1.0 };
+        let shadow =
+            if self.bodies.iter().filter(|it| it.opacity != Some([FADED; 2])).any(blocked) { SHADOW } else { 1.0 };
         grey(SKY + (floor * shadow - SKY) * fade.max(if shadow < 1.0 { 0.4 } else { 0.0 }))
     }
 
@@ -216,9 +235,14 @@ impl Shader {
             }
         }
         for (colour, fraction) in colours.iter_mut().zip(cover) {
-            *colour = [0, 1, 2].map(|c| colour[c] + (line.colour[c] - colour[c]) * fraction);
+            *colour = mixed(colour, &line.colour, fraction);
         }
     }
+}
+
+/// A colour under another of some opacity.
+fn mixed(under: &Colour, over: &Colour, opacity: f64) -> Colour {
+    [0, 1, 2].map(|c| under[c] + (over[c] - under[c]) * opacity)
 }
 
 /// Returns whether a window holds a point of the image, within a pixel.

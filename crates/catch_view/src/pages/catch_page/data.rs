@@ -9,20 +9,20 @@ use crate::{
     pages::packed::Packed,
     playback::{MotionSample, Playback},
     surfaces::surfaces,
+    viewpoint::{CatchScene, Viewpoint},
 };
 use catch_lab::{VERSION, recording::throw_times::TickTimes, referee::reason::Reason, scenario::setup::Scene};
 use catch_recording::RecordedTick;
 
-use super::{points::PackedPoints, surfaces::PackedSurface};
+use super::{
+    contacts::{TouchedPart, contacts},
+    points::PackedPoints,
+    predictions::{Errors, Predictions, is_news},
+    surfaces::PackedSurface,
+};
 
 /// Samples of the motion at most.
 const MOST_SAMPLES: usize = 1500;
-/// Points along a predicted path.
-const PATH_POINTS: usize = 24;
-/// Duration of a predicted path after the planned catch, in seconds.
-const BEYOND_CATCH_S: f64 = 0.12;
-/// Duration of a predicted path while there is no plan, in seconds.
-const WITHOUT_PLAN_S: f64 = 0.8;
 /// Candidates for a grasp that are shown of each tick.
 const CANDIDATES: usize = 16;
 
@@ -41,12 +41,15 @@ pub struct PageData {
     events: Vec<Event>,
     end_s: f64,
     flight_end_s: f64,
+    scene_view: Option<View>,
+    close_up_view: Option<View>,
     robot: RobotData,
     surfaces: Vec<PackedSurface>,
     motion: Motion,
     predictions: Predictions,
     errors: Errors,
     plans: Vec<Plan>,
+    contacts: Vec<TouchedPart>,
     candidates: Vec<Candidates>,
     points: PackedPoints,
     cameras: Vec<Camera>,
@@ -58,6 +61,14 @@ struct Event {
     time_s: f64,
     label: &'static str,
     detail: String,
+}
+
+/// A viewpoint on the catch.
+#[derive(Debug, Clone, Copy, Serialize)]
+struct View {
+    azimuth: f64,
+    elevation: f64,
+    radius_m: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -95,21 +106,6 @@ struct Motion {
     finger_force_n: Packed,
 }
 
-/// Predicted paths of what the true path is of.
-#[derive(Debug, Serialize)]
-struct Predictions {
-    time_s: Vec<f64>,
-    points: usize,
-    p_WO: Packed,
-}
-
-#[derive(Debug, Serialize)]
-struct Errors {
-    time_s: Vec<f64>,
-    error_mm: Vec<f64>,
-    claimed_mm: Vec<f64>,
-}
-
 /// A plan, from when it was made.
 #[derive(Debug, Serialize)]
 struct Plan {
@@ -117,6 +113,8 @@ struct Plan {
     catch_s: f64,
     hand: [f64; 7],
     width_m: f64,
+    /// Point of the hand at which it means to hold the object's centre of mass, in G.
+    held: [f64; 3],
 }
 
 /// The best grasps for the flight as it was predicted: poses of the gripper in the world at the catch.
@@ -142,12 +140,13 @@ struct Stages {
 }
 
 impl PageData {
-    /// Gathers what the page of a throw shows.
-    pub fn of(playback: &Playback) -> Self {
+    /// Gathers what the page of a throw shows, with at most so many points of its images.
+    pub fn of(playback: &Playback, points: usize) -> Self {
         let Playback { header, ending, robot, gripper, .. } = playback;
         let ground_truth = playback.ground_truth();
         let verdict = ground_truth.map(|it| &it.verdict);
         let start_s = playback.start_s();
+        let scene = CatchScene::new(playback);
         let events = ending.timeline.iter().map(|entry| Event {
             time_s: entry.time_s - start_s,
             label: entry.event.label(),
@@ -166,6 +165,8 @@ impl PageData {
             events: events.collect(),
             end_s: playback.end_s() - start_s,
             flight_end_s: playback.flight_end_s() - start_s,
+            scene_view: scene.as_ref().map(|it| View::from(it.scene())),
+            close_up_view: scene.as_ref().map(|it| View::from(it.close_up())),
             robot: RobotData::of(robot, gripper),
             surfaces: surfaces(robot, gripper, ground_truth.map(|it| it.surface.mesh()).as_ref())
                 .into_iter()
@@ -174,12 +175,20 @@ impl PageData {
             motion: Motion::of(playback),
             predictions: Predictions::of(playback),
             errors: Errors::of(playback),
-            plans: playback.ticks.iter().filter_map(|tick| plan_of(tick, start_s)).collect(),
+            plans: playback.ticks.iter().filter_map(|tick| plan_of(playback, tick)).collect(),
+            contacts: contacts(playback),
             candidates: candidates(playback),
-            points: PackedPoints::of(playback),
+            points: PackedPoints::of(playback, points),
             cameras: header.cell.cameras.iter().map(camera).collect(),
             stages: Stages::of(playback),
         }
+    }
+}
+
+impl PageData {
+    /// The data with the first view of another throw, for two throws beside each other.
+    pub fn seen_as(self, other: &Self) -> Self {
+        Self { scene_view: other.scene_view, ..self }
     }
 }
 
@@ -211,6 +220,12 @@ fn facts(playback: &Playback) -> Vec<(&'static str, String)> {
 pub(crate) fn seven(X_AB: &Pose) -> [f64; 7] {
     let (p, q) = (&X_AB.translation.vector, X_AB.rotation.coords);
     [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
+}
+
+impl From<Viewpoint> for View {
+    fn from(Viewpoint { azimuth_rad, elevation_rad, radius_m, .. }: Viewpoint) -> Self {
+        Self { azimuth: azimuth_rad, elevation: elevation_rad, radius_m }
+    }
 }
 
 impl RobotData {
@@ -288,45 +303,12 @@ fn sensed(playback: &Playback) -> Vec<MotionSample> {
     (0..=last).filter_map(|i| Some(MotionSample { time_s: at(i), ..playback.motion_at(at(i))? })).collect()
 }
 
-impl Predictions {
-    fn of(playback: &Playback) -> Self {
-        let (mut time_s, mut values) = (Vec::new(), Vec::new());
-        let com_O = playback.com_O();
-        for tick in playback.ticks.iter().filter(|tick| is_news(tick)) {
-            let Some(flight) = &tick.report.flight else { continue };
-            let from_s = tick.observation.time_s;
-            let catch_s = tick.report.plan.as_ref().map(|plan| plan.catch_s + BEYOND_CATCH_S);
-            let until_s = catch_s.unwrap_or(from_s + WITHOUT_PLAN_S).max(from_s);
-            for i in 0..PATH_POINTS {
-                let at_s = from_s + (until_s - from_s) * i as f64 / (PATH_POINTS - 1) as f64;
-                values.extend_from_slice((flight.pose_at(at_s) * com_O).coords.as_slice());
-            }
-            time_s.push(from_s - playback.start_s());
-        }
-        Self { time_s, points: PATH_POINTS, p_WO: Packed::numbers(&values, 3) }
-    }
-}
-
-/// Returns whether the flight of a tick was fitted in it: later ones only repeat it.
-fn is_news(tick: &RecordedTick) -> bool {
-    tick.report.pose.is_some()
-}
-
-impl Errors {
-    fn of(playback: &Playback) -> Self {
-        let errors = playback.prediction_errors();
-        Self {
-            time_s: errors.iter().map(|it| it.time_s - playback.start_s()).collect(),
-            error_mm: errors.iter().map(|it| it.error_m * 1e3).collect(),
-            claimed_mm: errors.iter().map(|it| it.claimed_sd_m * 1e3).collect(),
-        }
-    }
-}
-
-fn plan_of(tick: &RecordedTick, start_s: f64) -> Option<Plan> {
+fn plan_of(playback: &Playback, tick: &RecordedTick) -> Option<Plan> {
     let plan = tick.report.plan.as_ref().filter(|_| tick.report.status.is_new_motion())?;
-    let [time_s, catch_s] = [tick.observation.time_s, plan.catch_s].map(|time_s| time_s - start_s);
-    Some(Plan { time_s, catch_s, hand: seven(&plan.X_WG), width_m: plan.aperture_m })
+    let [time_s, catch_s] = [tick.observation.time_s, plan.catch_s].map(|time_s| time_s - playback.start_s());
+    let com_W = tick.report.flight.as_ref()?.pose_at(plan.catch_s) * playback.com_O();
+    let held = plan.X_WG.inverse_transform_point(&com_W).into();
+    Some(Plan { time_s, catch_s, hand: seven(&plan.X_WG), width_m: plan.aperture_m, held })
 }
 
 fn candidates(playback: &Playback) -> Vec<Candidates> {

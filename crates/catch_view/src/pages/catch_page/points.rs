@@ -7,7 +7,7 @@ use crate::{pages::packed::Packed, playback::Playback, points::points_of};
 use serde::Serialize;
 
 /// Points that a page carries in all, spread over its ticks: 6 bytes each.
-const MOST_POINTS: usize = 40_000;
+pub const MOST_POINTS: usize = 40_000;
 /// Points within this many radii of the object are kept before all others.
 const NEAR_RADII: f64 = 2.0;
 
@@ -22,10 +22,10 @@ pub struct PackedPoints {
 }
 
 impl PackedPoints {
-    /// The points of all frames.
-    pub fn of(playback: &Playback) -> Self {
+    /// The points of all frames, at most so many.
+    pub fn of(playback: &Playback, most: usize) -> Self {
         let seen = playback.ticks.iter().filter(|tick| !tick.observation.frames.is_empty());
-        let most = (MOST_POINTS / seen.clone().count().max(1)).max(20);
+        let most = (most / seen.clone().count().max(1)).max(20);
         let radius_m = match playback.ground_truth() {
             Some(it) => it.surface.mesh().bounding_radius(),
             None => playback.known.reference().radius_m,

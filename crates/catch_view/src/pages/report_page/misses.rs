@@ -1,6 +1,9 @@
 //! Pages of the throws that were missed.
 
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use catch_body::InputError;
 
@@ -9,6 +12,7 @@ use catch_lab::{
     evaluation::{Cell, Evaluation, Row},
     parallel,
     recording::recorded_throw::record,
+    scenario::setup::Setup,
 };
 use catch_recording::whole_file;
 
@@ -41,12 +45,22 @@ pub fn record_misses(
             ours.object == scene.object && ours.throw == scene.throw
         };
         let Some(cell) = evaluation.cells.iter().find(has_thrown) else { return Ok(None) };
-        let thrown = record(&cell.setup, scene.seed, scene.index, &misses, &mut |_| Ok(()))
-            .map_err(|fault| InputError::unwritten(misses.display(), &fault, "a folder that can be written"))?;
-        let page = thrown.recording.with_extension("html");
-        whole_file::write(&page, catch_page::page(&Playback::read(&thrown.recording)?))?;
+        let (recording, playback) = recorded(&cell.setup, (scene.seed, scene.index), &misses)?;
+        let page = recording.with_extension("html");
+        whole_file::write(&page, catch_page::page(&playback))?;
         let name = page.file_name().map(|name| name.to_string_lossy());
         Ok(name.map(|name| (i, format!("{FOLDER}/{name}"))))
     });
     recorded.into_iter().filter_map(Result::transpose).collect()
+}
+
+/// Throws once more, which gives the same again, and keeps it in `folder`; returns the recording.
+///
+/// # Errors
+/// Files that cannot be written.
+pub fn recorded(setup: &Setup, (seed, index): (u64, u64), folder: &Path) -> Result<(PathBuf, Playback), InputError> {
+    let thrown = record(setup, seed, index, folder, &mut |_| Ok(()))
+        .map_err(|fault| InputError::unwritten(folder.display(), &fault, "a folder that can be written"))?;
+    let playback = Playback::read(&thrown.recording)?;
+    Ok((thrown.recording, playback))
 }

@@ -1,0 +1,68 @@
+//! Two evaluations, compared throw by throw: `catchingbot view A B`.
+
+use std::path::{Path, PathBuf};
+
+use catch_lab::{
+    VERSION,
+    evaluation::comparison::{Comparison, Counts, Pair},
+};
+use catch_recording::whole_file::{self, make_writable};
+use catch_view::pages::compare_page::{self, interval, points};
+use serde::Serialize;
+
+use crate::{eval::Pace, screen};
+
+/// Default folder of the page.
+pub const FOLDER: &str = "out/compared";
+/// Name of the page.
+const PAGE: &str = "compared.html";
+
+/// The JSON document.
+#[derive(Serialize)]
+struct Document<'a> {
+    version: &'static str,
+    a: &'a Path,
+    b: &'a Path,
+    seed: u64,
+    cells: Vec<Cell>,
+    pairs: &'a [Pair],
+    page: &'a Path,
+}
+
+#[derive(Serialize)]
+struct Cell {
+    name: String,
+    #[serde(flatten)]
+    counts: Counts,
+}
+
+/// Compares two folders of results; returns the page, in `folder`.
+///
+/// # Errors
+/// Folders without complete results, or of other throws; a folder that cannot be written.
+pub fn run(folders: [&PathBuf; 2], folder: &Path, json: bool) -> anyhow::Result<PathBuf> {
+    let comparison = Comparison::read(folders.map(PathBuf::as_path))?;
+    make_writable(folder, "--out")?;
+    let names = folders.map(|it| it.file_name().unwrap_or_default().to_string_lossy().into_owned());
+    let names = if names[0] == names[1] { ["A", "B"] } else { [&*names[0], &names[1]] };
+    let pages = compare_page::record_pairs(&comparison, names, Pace::new(false, None).threads, folder)?;
+    let page = folder.join(PAGE);
+    whole_file::write(&page, compare_page::page(&comparison, names, &pages))?;
+    let cells = comparison.counts();
+    if json {
+        let cells = cells.into_iter().map(|(name, counts)| Cell { name, counts }).collect();
+        let (seed, pairs) = (comparison.identities[0].seed, &comparison.pairs[..]);
+        screen::json(&Document { version: VERSION, a: folders[0], b: folders[1], seed, cells, pairs, page: &page })?;
+        return Ok(page);
+    }
+    let (only_a, only_b) = (format!("only\n{}", names[0]), format!("only\n{}", names[1]));
+    let headings = ["object, throw", "throws", "both", &only_a, &only_b, "neither", "difference", "95 %", "p"];
+    let mut table = screen::table(headings.map(str::to_owned), 1..9);
+    table.add_rows(cells.iter().map(|(name, it)| {
+        let counts = [it.trials, it.both, it.only_a, it.only_b, it.neither].map(|count| count.to_string());
+        let rates = [points(it.difference), interval(it.difference95), format!("{:.2}", it.mcnemar_p)];
+        [name.clone()].into_iter().chain(counts).chain(rates)
+    }));
+    screen::line(&format!("\n{}\n", table.trim_fmt()))?;
+    Ok(page)
+}

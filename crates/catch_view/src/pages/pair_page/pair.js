@@ -1,0 +1,10 @@
+"use strict";
+// Two throws beside each other: either's slider moves both.
+const { page, throws } = JSON.parse(document.getElementById("data").textContent);
+const frames = [...document.querySelectorAll("iframe")];
+frames.forEach((frame, i) => {
+  frame.srcdoc = page.replaceAll(/\{\{(title|data)\}\}/g, (_, name) => throws[i][name]);
+});
+addEventListener("message", (event) => {
+  for (const frame of frames) if (frame.contentWindow !== event.source) frame.contentWindow.postMessage(event.data, "*");
+});
