@@ -28,6 +28,7 @@ mod robot_import;
 mod suite_table;
 mod system_limits;
 mod texts_of_others;
+mod visual_shapes;
 mod wrong_input;
 
 use std::process::{Command, Output};
