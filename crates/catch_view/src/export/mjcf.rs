@@ -2,7 +2,8 @@
 //!
 //! Bodies and joints of the arm begin with `arm/`. Geoms begin with their part: `arm:3:0` is a capsule of the
 //! third link, `object:0` a convex part of the object. Cameras see geoms of group 1; those of group 3 only
-//! collide, as capsules of links with a visual shape do. The object touches everything else, and nothing else touches anything.
+//! collide, as capsules of links with a visual shape do. The object touches everything else, and nothing else
+//! touches anything.
 
 use std::fmt::Write;
 
