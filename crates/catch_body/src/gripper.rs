@@ -3,10 +3,17 @@
 //! Frame G: the fingers close along x, y is the approach, z is across both. The finger called left is
 //! the one at negative x. `width` is the distance between the inner faces.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
-use crate::{InputError, quantity, robot::Inertia, shape::Cuboid};
+use crate::{
+    InputError, TriangleMesh,
+    inertia::Inertia,
+    pose::Pose,
+    quantity,
+    shape::Cuboid,
+    visual::{ReadMesh, Visual},
+};
 
 /// Geometry, masses and limits of a parallel gripper, as its file gives them.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -51,6 +58,9 @@ pub struct Gripper {
     /// Parts of the gripper in the paper's simulator.
     #[serde(default)]
     pub published: Option<PublishedParts>,
+    /// Surfaces as cameras see them; housing and fingers are seen as boxes without.
+    #[serde(default)]
+    pub visuals: Option<GripperVisuals>,
     /// True if the gripper is simulated with its published parts.
     #[serde(skip)]
     pub is_published: bool,
@@ -76,6 +86,17 @@ pub struct PublishedParts {
     /// Radius of the balls with which a finger touches.
     #[serde(deserialize_with = "quantity::size_m")]
     pub tip_radius_m: f64,
+}
+
+/// Surfaces of a gripper as cameras see them.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GripperVisuals {
+    /// The housing, in G.
+    pub housing: Visual,
+    /// The right finger, at positive x, around the centre of its box along the axes of G. The left finger is
+    /// the same one rotated by half a turn about y.
+    pub finger: Visual,
 }
 
 /// Contact geometry of a finger: a box, and balls with their radius.
@@ -124,7 +145,40 @@ impl Gripper {
             let expected = "fingers that reach beyond the housing along y";
             return Err(InputError::new(file, "finger_centre_y_m", gripper.finger_centre_y_m, expected));
         }
+        if let Some(GripperVisuals { housing, finger }) = &gripper.visuals {
+            housing.check(file, "visuals.housing")?;
+            finger.check(file, "visuals.finger")?;
+        }
         Ok(gripper)
+    }
+
+    /// Reads the meshes of the visual shapes.
+    ///
+    /// # Errors
+    /// The first fault of one of them.
+    pub fn with_meshes(mut self, read: &ReadMesh) -> Result<Self, InputError> {
+        if let Some(GripperVisuals { housing, finger }) = &mut self.visuals {
+            housing.read(read)?;
+            finger.read(read)?;
+        }
+        Ok(self)
+    }
+
+    /// Surfaces of the housing, in G, and of a finger around its own centre, as cameras see them.
+    pub fn surfaces(&self) -> [TriangleMesh; 2] {
+        let finger = Cuboid { centre: Point3::origin(), size: Vector3::from(self.finger_size_m) };
+        let seen = self.visuals.as_ref().map(|it| [it.housing.mesh(), it.finger.mesh()]);
+        let [housing_seen, finger_seen] = seen.unwrap_or_default();
+        let or_box = |seen: Option<&TriangleMesh>, of: &Cuboid| seen.cloned().unwrap_or(TriangleMesh::cuboid(of));
+        [or_box(housing_seen, &self.body()), or_box(finger_seen, &finger)]
+    }
+
+    /// Poses in G of the left and the right finger's surface at an opening of `width_m`.
+    pub fn finger_poses(&self, width_m: f64) -> [Pose; 2] {
+        let [left, right] = self.fingers(width_m).map(|it| Pose::from(Translation3::from(it.centre.coords)));
+        let is_mirrored = self.visuals.is_some();
+        let half_turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::PI);
+        [if is_mirrored { left * half_turn } else { left }, right]
     }
 
     /// The width to which the fingers go when `width_m` is commanded.

@@ -26,6 +26,7 @@ pub mod document;
 pub mod dynamics;
 pub mod free_flight;
 pub mod gripper;
+pub mod inertia;
 pub mod input_error;
 pub mod inverse_kinematics;
 pub mod kinematics;
@@ -42,6 +43,7 @@ pub mod statistics;
 mod toml_input;
 pub mod urdf;
 pub mod velocity_table;
+pub mod visual;
 pub mod workcell;
 
 pub use gripper::{DriveControl, Gripper};

@@ -1,12 +1,13 @@
 //! Triangle meshes: the shapes of thrown objects and of the arm, and what follows from a shape.
 
+mod simplification;
 mod solids;
 
 use std::collections::HashMap;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use crate::{pose::Pose, robot::Inertia, shape::Cuboid};
+use crate::{inertia::Inertia, pose::Pose, shape::Cuboid};
 
 pub use solids::TubeRing;
 
@@ -124,6 +125,30 @@ impl TriangleMesh {
         let covariance = (second_moment / volume - com * com.transpose()) * mass_kg;
         let about_com = Matrix3::identity() * covariance.trace() - covariance;
         Inertia { mass: mass_kg, com: apex + com, about_com }
+    }
+
+    /// Moves the surface outwards by `offset_m`: each vertex to where the planes of its triangles meet then.
+    pub fn thicker(&self, offset_m: f64) -> Self {
+        // Flat surroundings leave a vertex free along them: there it stays, as a weight against the planes.
+        const STAYS: f64 = 1e-3;
+        /// Sharp edges grow by no more than so many offsets.
+        const MOST_GROWTH: f64 = 3.0;
+        let mut planes = vec![(Matrix3::zeros(), Vector3::zeros()); self.vertices.len()];
+        for ([a, b, c], triangle) in self.all_corners().zip(&self.triangles) {
+            let normal = (b - a).cross(&(c - a));
+            let unit = normal.try_normalize(0.0).unwrap_or_default();
+            for vertex in triangle {
+                let (normals, sum) = &mut planes[*vertex as usize];
+                *normals += unit * normal.transpose();
+                *sum += normal;
+            }
+        }
+        let moved = |(vertex, (normals, sum)): (&Point3<f64>, &(Matrix3<f64>, Vector3<f64>))| {
+            let stiffness = normals + Matrix3::identity() * (STAYS * normals.trace());
+            let by = stiffness.cholesky().map(|it| it.solve(sum)).unwrap_or_default();
+            vertex + by.cap_magnitude(MOST_GROWTH) * offset_m
+        };
+        Self { vertices: self.vertices.iter().zip(&planes).map(moved).collect(), triangles: self.triangles.clone() }
     }
 
     /// Leaves out vertices that are a corner of no triangle.
@@ -244,6 +269,21 @@ mod tests {
         assert!(mesh.is_closed());
         // Pappus: the area of the disc times the way of its centre.
         assert_relative_eq!(mesh.volume(), PI * radius * radius * bend * PI / 2.0, max_relative = 2e-3);
+    }
+
+    #[test]
+    fn a_thicker_solid_is_larger_all_around() {
+        let size = Vector3::new(0.1, 0.2, 0.3);
+        let cuboid = TriangleMesh::cuboid(&Cuboid { centre: Point3::new(0.3, 0.0, 0.1), size });
+        for offset_m in [0.01, -0.004] {
+            let thicker = cuboid.thicker(offset_m).aabb();
+            assert_relative_eq!(thicker.size, size.add_scalar(2.0 * offset_m), epsilon = 1e-4);
+            let capsule = Capsule { from: Point3::origin(), to: Point3::new(0.0, 0.1, 0.3), radius: 0.05 };
+            let mesh = TriangleMesh::capsule(&capsule, 48).thicker(offset_m);
+            let off_m = mesh.vertices.iter().map(|it| (capsule.distance_to_point(it) - offset_m).abs());
+            assert!(off_m.fold(0.0, f64::max) < 2e-4);
+        }
+        assert_eq!(cuboid.thicker(0.0), cuboid);
     }
 
     #[test]

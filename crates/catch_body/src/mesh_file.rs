@@ -1,7 +1,9 @@
-//! Reads meshes from OBJ and STL files.
+//! Reads meshes from OBJ and STL files, and writes OBJ.
 
 mod obj;
 mod stl;
+
+use std::fmt::Write;
 
 use nalgebra::Point3;
 
@@ -27,13 +29,40 @@ const LEAST_FILLING: f64 = 1e-9;
 /// If the bytes are not a mesh of that format, or the mesh has no triangles, numbers that are not finite,
 /// indices without a vertex, holes, or no volume.
 pub fn mesh_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<TriangleMesh, InputError> {
+    solid(file, surface_from_bytes(file, bytes, scale)?)
+}
+
+/// Reads a surface as [`mesh_from_bytes`] reads a solid; it may be open and face anywhere.
+///
+/// # Errors
+/// If the bytes are not a mesh of that format, or numbers are not finite, or indices without a vertex.
+pub fn surface_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<TriangleMesh, InputError> {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for (points, faces) in read_groups(file, bytes, scale)? {
         let first = vertices.len() as u32;
         vertices.extend(points);
         triangles.extend(faces.iter().map(|face| face.map(|index| index + first)));
     }
-    solid(file, welded(&vertices, &triangles, scale))
+    Ok(welded(&vertices, &triangles, scale))
+}
+
+/// Meshes as the groups of an OBJ file in metres, to a tenth of a micrometre.
+pub fn obj_text(groups: &[TriangleMesh]) -> String {
+    let mut text = String::new();
+    let mut first = 1;
+    for (i, mesh) in groups.iter().enumerate() {
+        // A String takes whatever is written to it.
+        let _ = writeln!(text, "o part_{}", i + 1);
+        for p in &mesh.vertices {
+            let _ = writeln!(text, "v {:.7} {:.7} {:.7}", p.x, p.y, p.z);
+        }
+        for triangle in &mesh.triangles {
+            let [a, b, c] = triangle.map(|it| it as usize + first);
+            let _ = writeln!(text, "f {a} {b} {c}");
+        }
+        first += mesh.vertices.len();
+    }
+    text
 }
 
 /// Reads the vertices of each group of an OBJ file, in metres; an STL file is one group. Nothing is asked of
@@ -141,7 +170,6 @@ fn solid(file: &str, mesh: TriangleMesh) -> Result<TriangleMesh, InputError> {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
-    use std::fmt::Write;
 
     fn obj(mesh: &TriangleMesh) -> String {
         let mut text = String::new();

@@ -1,11 +1,20 @@
 //! Model of a serial arm: joints, links, limits, collision geometry.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
-use nalgebra::{Matrix3, Point3, SMatrix, SVector, Unit, Vector3};
+use nalgebra::{Point3, SMatrix, SVector, Unit, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::{Gripper, pose::Pose, quantity, shape::Capsule, velocity_table::VelocityTable, workcell::Obstacle};
+pub use crate::inertia::Inertia;
+use crate::{
+    Gripper, InputError, TriangleMesh,
+    pose::Pose,
+    quantity,
+    shape::Capsule,
+    velocity_table::VelocityTable,
+    visual::{ReadMesh, Visual},
+    workcell::Obstacle,
+};
 
 /// The most joints an arm may have.
 pub const MAX_JOINTS: usize = 8;
@@ -61,57 +70,6 @@ impl Default for LimitScale {
     fn default() -> Self {
         Self { velocity: 1.0, acceleration: 1.0, torque: 1.0, jerk: 1.0 }
     }
-}
-
-/// Mass, centre of mass and inertia of a link, in the link's frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Inertia {
-    /// Mass in kg.
-    pub mass: f64,
-    /// Centre of mass in metres.
-    pub com: Point3<f64>,
-    /// Rotational inertia about the centre of mass in kg·m², along the link's axes.
-    pub about_com: Matrix3<f64>,
-}
-
-impl Inertia {
-    /// The inertia of two bodies that are rigidly joined, both given in the same frame.
-    pub fn joined(&self, other: &Self) -> Self {
-        let mass = self.mass + other.mass;
-        let com = Point3::from((self.com.coords * self.mass + other.com.coords * other.mass) / mass);
-        let about_com = [self, other].iter().map(|it| it.about_com + it.mass * parallel_axis(&(it.com - com))).sum();
-        Self { mass, com, about_com }
-    }
-
-    /// Returns whether a body can have these moments: principal moments above zero, none larger than the sum
-    /// of the other two.
-    pub fn is_of_a_body(&self) -> bool {
-        let moments = self.about_com.symmetric_eigenvalues();
-        moments.min() > 0.0 && 2.0 * moments.max() <= moments.sum() * (1.0 + 1e-9)
-    }
-
-    /// Inertia of the body in another frame: `X_AB` is the pose of the body's present frame B in the new
-    /// frame A.
-    pub fn transformed(&self, X_AB: &Pose) -> Self {
-        let R_AB = X_AB.rotation.to_rotation_matrix();
-        Self {
-            mass: self.mass,
-            com: X_AB * self.com,
-            about_com: R_AB.matrix() * self.about_com * R_AB.matrix().transpose(),
-        }
-    }
-
-    /// A solid box of uniform density, `size` along its axes, centred at `com`.
-    pub fn of_box(mass: f64, size: &Vector3<f64>, com: Point3<f64>) -> Self {
-        let square = size.component_mul(size);
-        let diagonal = Vector3::new(square.y + square.z, square.x + square.z, square.x + square.y) * (mass / 12.0);
-        Self { mass, com, about_com: Matrix3::from_diagonal(&diagonal) }
-    }
-}
-
-/// Inertia of a unit point mass at `r` about the origin: |r|²·1 − r·rᵀ.
-fn parallel_axis(r: &Vector3<f64>) -> Matrix3<f64> {
-    Matrix3::identity() * r.norm_squared() - r * r.transpose()
 }
 
 /// A revolute joint and the link that it moves.
@@ -179,6 +137,8 @@ pub struct Robot {
     /// Collision geometry of the arm: capsules in the frame of link `.0`, link 0 being the base and link i
     /// the one that joint i moves.
     pub capsules: Vec<(usize, Capsule)>,
+    /// Surfaces of links as cameras see them, by the links' numbers; of other links they see the capsules.
+    pub visuals: BTreeMap<usize, Visual>,
     /// Links at most this far apart in the chain are not checked for collision with each other.
     pub ignored_neighbours: usize,
     /// Obstacles that stand still around the arm in its workcell.
@@ -206,6 +166,39 @@ impl Robot {
     pub fn joint_vector(&self, values: &[f64]) -> Option<JointVector> {
         let fits = values.len() == self.dof() && values.iter().all(|value| value.is_finite());
         fits.then(|| JointVector::from_fn(|i, _| values.get(i).copied().unwrap_or(0.0)))
+    }
+
+    /// Reads the meshes of the visual shapes.
+    ///
+    /// # Errors
+    /// The first fault of one of them.
+    pub fn with_meshes(mut self, read: &ReadMesh) -> Result<Self, InputError> {
+        self.visuals.values_mut().try_for_each(|it| it.read(read))?;
+        Ok(self)
+    }
+
+    /// Surface of a link as cameras see it, in the link's frame: its visual shape, or its capsules with so
+    /// many flat strips around each.
+    pub fn link_surface(&self, link: usize, segments: u32) -> TriangleMesh {
+        if let Some(mesh) = self.visuals.get(&link).and_then(Visual::mesh) {
+            return mesh.clone();
+        }
+        let mut mesh = TriangleMesh::default();
+        for (_, capsule) in self.capsules.iter().filter(|(of, _)| *of == link) {
+            mesh.merge(&TriangleMesh::capsule(capsule, segments));
+        }
+        mesh
+    }
+
+    /// Makes the surface of each link thicker all around by `offset_m` of its number.
+    pub fn with_thicker_links(mut self, offset_m: impl Fn(usize) -> f64) -> Self {
+        for (link, capsule) in &mut self.capsules {
+            capsule.radius = (capsule.radius + offset_m(*link)).max(quantity::RADIUS_M.least);
+        }
+        for (link, visual) in self.visuals.iter_mut().filter(|(link, _)| offset_m(**link) != 0.0) {
+            visual.surface = Arc::new(visual.surface.thicker(offset_m(*link)));
+        }
+        self
     }
 
     /// Multiplies the arm's limits.

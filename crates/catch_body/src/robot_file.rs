@@ -19,6 +19,7 @@ use crate::{
     stated::Stated,
     urdf::{self, Element, Urdf},
     velocity_table::VelocityFields,
+    visual::Visual,
 };
 
 /// Contents of the `robot.toml` beside a `robot.urdf`.
@@ -44,6 +45,9 @@ struct RobotFile {
     links: BTreeMap<String, LinkFields>,
     /// The arm's collision geometry.
     collision: CollisionFields,
+    /// Surfaces of links as cameras see them, by the link's name.
+    #[serde(default)]
+    visuals: BTreeMap<String, Visual>,
 }
 
 /// A pose on the last link.
@@ -102,7 +106,7 @@ struct JointFields {
     max_torque_nm: Option<Stated<f64>>,
 }
 
-/// The arm as capsules, for rendering, contact and clearance.
+/// The arm as capsules, for contact and clearance, and for cameras where a link has no visual shape.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CollisionFields {
@@ -148,7 +152,8 @@ pub struct RobotFiles<'a> {
 }
 
 impl Robot {
-    /// Builds the arm that the two files describe.
+    /// Builds the arm that the two files describe, but for the meshes that they name
+    /// ([`with_meshes`](Self::with_meshes)).
     ///
     /// # Errors
     /// The first fault found: not a URDF, not one serial chain of 1 to [`MAX_JOINTS`] revolute joints, a
@@ -179,6 +184,7 @@ impl Robot {
             capsules.push((link, Capsule { from: from_m.into(), to: to_m.into(), radius: radius_m }));
             faults.extend(unreasoned(files, &field(""), capsule.assumed, capsule.reason.as_ref()));
         }
+        let visuals = visuals_of_links(files, extra.visuals, &link_names, &mut faults);
         let mut mounted = |field: &str, mount: &MountFields| {
             faults.extend(unreasoned(files, field, mount.assumed, mount.reason.as_ref()));
             PoseFields { position_m: mount.position_m, rpy_rad: mount.rpy_rad }.pose()
@@ -200,6 +206,7 @@ impl Robot {
             comfortable_q: nalgebra::zero(),
             ready_q: nalgebra::zero(),
             capsules,
+            visuals,
             ignored_neighbours: extra.collision.ignored_neighbours,
             obstacles: Vec::new(),
         };
@@ -228,6 +235,26 @@ impl Robot {
         }
         Ok(q)
     }
+}
+
+/// Visual shapes by the numbers of their links.
+fn visuals_of_links(
+    files: &RobotFiles,
+    by_name: BTreeMap<String, Visual>,
+    link_names: &[&str],
+    faults: &mut Vec<InputError>,
+) -> BTreeMap<usize, Visual> {
+    let numbered = by_name.into_iter().filter_map(|(name, visual)| {
+        let field = format!("visuals.{name}");
+        faults.extend(visual.check(files.toml_file, &field).err());
+        let link = link_names.iter().position(|it| *it == name);
+        if link.is_none() {
+            let expected = format!("one of {}", link_names.join(", "));
+            faults.push(InputError::new(files.toml_file, field, "a link that is not there", expected));
+        }
+        Some((link?, visual))
+    });
+    numbered.collect()
 }
 
 /// The fault of a mark that says nothing.

@@ -37,9 +37,6 @@ const TOLD: [f64; 2] = [0.02, 10.0];
 /// Images that determine fewer than so many of the zeros, or surfaces, do not tell their standard deviation.
 const DETERMINED: f64 = 0.5;
 
-/// Least radius of a link, in metres.
-const LEAST_RADIUS_M: f64 = 0.001;
-
 /// Parameters of one camera.
 #[derive(Debug, Clone, Copy)]
 pub struct CameraState {
@@ -150,11 +147,7 @@ impl Shared {
 
     /// The arm's surface, the links as thick as they are.
     pub fn surface(&self, robot: &Robot, gripper: &Gripper) -> ArmSurface {
-        let mut robot = robot.clone();
-        for (link, capsule) in &mut robot.capsules {
-            capsule.radius = (capsule.radius + self.link_offset_m(*link)).max(LEAST_RADIUS_M);
-        }
-        ArmSurface::new(&robot, gripper)
+        ArmSurface::new(&robot.clone().with_thicker_links(|link| self.link_offset_m(link)), gripper)
     }
 }
 

@@ -23,7 +23,7 @@ use catch_cell::{
 use catch_recording::{
     RecordedCell,
     cell_recorder::CellRecorder,
-    sources::{SourceNames, Sources},
+    sources::{Meshes, SourceNames, Sources},
 };
 use nalgebra::{Point3, Vector3};
 
@@ -107,6 +107,8 @@ pub fn record(folder: &Path) -> anyhow::Result<PathBuf> {
         robot_urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf").to_owned(),
         robot_toml: include_str!("../../../assets/robots/iiwa14/robot.toml").to_owned(),
         gripper_toml: include_str!("../../../assets/grippers/wsg50.toml").to_owned(),
+        robot_meshes: Meshes::new(),
+        gripper_meshes: Meshes::new(),
         workcell_toml: None,
         limit_scale: LimitScale::default(),
     };

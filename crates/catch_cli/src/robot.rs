@@ -38,7 +38,8 @@ enum RobotCommand {
 #[command(after_help = "\
 The arm is the serial chain of revolute joints in the description: fixed joints are folded, fingers are
 taken off. Capsules are fitted around the shapes of its links, for which meshes are looked for as
-`package://` and relative paths say, in the folders above the description. Limits in a joint_limits.yaml
+`package://` and relative paths say, in the folders above the description. What cameras see of each
+link, its mesh for display, is kept in at most 4,000 triangles. Limits in a joint_limits.yaml
 beside it only narrow what it states. What no file says is assumed, and marked so in robot.toml, where
 `catchingbot check` lists it.
 
@@ -49,7 +50,7 @@ pub struct ImportArguments {
     /// A URDF file
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Folder for robot.urdf, robot.toml and capsules.html; it must not exist yet
+    /// Folder for robot.urdf, robot.toml, meshes and capsules.html; it must not exist yet
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// The link at whose frame the gripper is mounted [default: found]
@@ -162,6 +163,13 @@ fn import(arguments: &ImportArguments) -> anyhow::Result<()> {
     let write = |name: &str, text: String| whole_file::write(&folder.join(name), text);
     write("robot.urdf", imported.urdf())?;
     write("robot.toml", imported.toml())?;
+    let meshes = imported.meshes();
+    if !meshes.is_empty() {
+        fs::create_dir(folder.join("visual"))?;
+    }
+    for (name, text) in meshes {
+        write(&name, text)?;
+    }
     let reach = if arguments.no_ready { None } else { Some(choose_ready_pose(arguments, folder, &mut imported)?) };
     write("robot.toml", imported.toml())?;
     write("capsules.html", page(&imported))?;

@@ -221,7 +221,7 @@ fn believed(robot: &Robot, wrong: Wrong, draws: &mut Draws) -> Robot {
         Wrong::Nothing | Wrong::Noise => {}
         Wrong::Links => {
             let offsets: Vec<f64> = (0..=robot.dof()).map(|_| LINK_SD_M * draws.normal()).collect();
-            robot.capsules.iter_mut().for_each(|(link, capsule)| capsule.radius += offsets[*link]);
+            return robot.with_thicker_links(|link| offsets[link]);
         }
         Wrong::Zeros => {
             for joint in &mut robot.joints {

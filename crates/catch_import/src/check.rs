@@ -15,6 +15,7 @@ use nalgebra::Vector3;
 use super::{
     gripper_check,
     object_check::{Examined, examine},
+    robot_check,
 };
 
 use catch_lab::{
@@ -103,7 +104,7 @@ pub fn check(path: &Path) -> Checked {
         Some(Kind::Robot) => notes_of_robot(&asset),
         Some(Kind::Scenario | Kind::Workcell) => notes_of_name(&asset, &table),
         Some(Kind::Gripper) => {
-            let margins = Gripper::from_toml(&asset.file, &asset.text).map(|it| gripper_check::notes(&it));
+            let margins = gripper_of(&asset).map(|it| gripper_check::notes(&it));
             notes_of_name(&asset, &table).into_iter().chain(margins.unwrap_or_default()).collect()
         }
         _ => Vec::new(),
@@ -121,12 +122,22 @@ impl Checked {
 fn robot_of(asset: &Asset) -> Result<Robot, InputError> {
     let (urdf_file, urdf) = asset.read_text_beside("robot.urdf")?;
     let files = RobotFiles { urdf_file: &urdf_file, urdf: &urdf, toml_file: &asset.file, toml: &asset.text };
-    Robot::from_files(&files)
+    Robot::from_files(&files)?.with_meshes(&|name| asset.read_beside(name))
+}
+
+/// The gripper that a file describes.
+fn gripper_of(asset: &Asset) -> Result<Gripper, InputError> {
+    Gripper::from_toml(&asset.file, &asset.text)?.with_meshes(&|name| asset.read_beside(name))
+}
+
+/// Notes on an arm: mounts of grippers, and shapes.
+fn notes_of_arm(robot: &Robot) -> Vec<String> {
+    notes_of_mounts(robot).into_iter().chain(robot_check::note_of_visuals(robot)).collect()
 }
 
 /// Notes on a robot: mounts of grippers, assumptions, and elements of its URDF that are ignored.
 fn notes_of_robot(asset: &Asset) -> Vec<String> {
-    let mut notes: Vec<String> = robot_of(asset).iter().flat_map(notes_of_mounts).collect();
+    let mut notes: Vec<String> = robot_of(asset).iter().flat_map(notes_of_arm).collect();
     notes.extend(notes_of_assumptions(asset));
     let ignored = asset.read_text_beside("robot.urdf").map(|(_, urdf)| ignored_elements(&urdf)).unwrap_or_default();
     if !ignored.is_empty() {
@@ -209,7 +220,7 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
     let result = match kind {
         Kind::Scenario => return faults_of_scenario(asset),
         Kind::Robot => robot_of(asset).map(drop),
-        Kind::Gripper => Gripper::from_toml(file, text).map(drop),
+        Kind::Gripper => gripper_of(asset).map(drop),
         Kind::Object => InputError::first_of([asset.thrown_object().map(drop), asset.known_figures().map(drop)]),
         Kind::Camera => DataSheet::from_toml(file, text).map(drop),
         Kind::Throw => asset.throw().map(drop),

@@ -17,10 +17,7 @@ use std::path::Path;
 use catch_body::{InputError, TriangleMesh, quantity};
 use catch_sim::{ThrownObject, object::check_length};
 
-use crate::{
-    mesh_repair::{RepairLimits, repaired},
-    simplification::simplified,
-};
+use crate::mesh_repair::{RepairLimits, repaired};
 use catch_recording::whole_file::COMMAND_LINE;
 use draft::Draft;
 use source::Source;
@@ -99,7 +96,7 @@ impl ImportedObject {
         drop(surface);
         findings.extend(repair.repairs.iter().map(ToString::to_string));
         let mut mesh = repair.mesh;
-        if let Some((fewer, cell_m)) = simplified(&mesh, MOST_TRIANGLES) {
+        if let Some((fewer, cell_m)) = mesh.simplified(MOST_TRIANGLES) {
             let (count, volume) = (fewer.triangles.len(), 100.0 * (fewer.volume() / mesh.volume() - 1.0));
             let cell_mm = cell_m * 1e3;
             findings.push(format!("simplified to {count} triangles of about {cell_mm:.1} mm, volume {volume:+.2} %"));

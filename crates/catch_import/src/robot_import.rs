@@ -8,6 +8,7 @@ mod draft;
 mod geometry;
 mod joint_limits;
 mod poses;
+mod visual_mesh;
 
 use std::{
     collections::BTreeMap,
@@ -18,6 +19,7 @@ use crate::description::{Chain, Description, Selection};
 use catch_body::{
     Gripper, InputError, JointVector, Robot,
     document::root_element,
+    mesh_file::obj_text,
     quantity,
     robot::Inertia,
     robot_file::RobotFiles,
@@ -151,6 +153,11 @@ impl ImportedRobot {
     /// The content of `robot.toml`.
     pub fn toml(&self) -> String {
         self.draft.toml()
+    }
+
+    /// The meshes that `robot.toml` names, with these names.
+    pub fn meshes(&self) -> Vec<(String, String)> {
+        self.draft.visuals().map(|(_, name, (mesh, _))| (name, obj_text(std::slice::from_ref(mesh)))).collect()
     }
 
     /// The arm within the description.

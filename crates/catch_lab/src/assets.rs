@@ -9,13 +9,16 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use catch_body::InputError;
+use catch_body::{InputError, visual::mesh_names};
 use catch_cell::ObjectFigures;
 use catch_sim::{Throw, ThrownObject};
 use include_dir::{Dir, include_dir};
 
 use crate::flights::recorded_throws;
-use catch_recording::bounded_file::{FileKind, as_spelt};
+use catch_recording::{
+    bounded_file::{FileKind, as_spelt},
+    sources::Meshes,
+};
 
 static BUILT_IN: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
 
@@ -309,6 +312,15 @@ impl Asset {
             Origin::BuiltIn(_) => Path::new(""),
         };
         Throw::from_toml_with(&self.file, &self.text, &|tracks, up| recorded_throws::read(&folder.join(tracks), up))
+    }
+
+    /// Texts of the meshes of visual shapes that this file names.
+    ///
+    /// # Errors
+    /// If one of them is not there or is not text.
+    pub fn meshes(&self) -> Result<Meshes, InputError> {
+        let names = mesh_names(&self.text).into_iter();
+        names.map(|name| self.read_text_beside(&name).map(|(_, text)| (name, text))).collect()
     }
 
     /// Like [`read_beside`](Self::read_beside), for text.

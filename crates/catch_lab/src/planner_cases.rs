@@ -213,9 +213,16 @@ pub fn arm(name: Option<&str>, asked_by: (&str, &str)) -> Result<(Robot, Gripper
     let (urdf_file, robot_urdf) = robot.read_text_beside("robot.urdf")?;
     let names =
         SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file, workcell_toml: "" };
-    let limit_scale = Default::default();
-    Sources { robot_urdf, robot_toml: robot.text, gripper_toml: gripper.text, workcell_toml: None, limit_scale }
-        .parse(&names)
+    let sources = Sources {
+        robot_urdf,
+        robot_meshes: robot.meshes()?,
+        robot_toml: robot.text.clone(),
+        gripper_meshes: gripper.meshes()?,
+        gripper_toml: gripper.text.clone(),
+        workcell_toml: None,
+        limit_scale: Default::default(),
+    };
+    sources.parse(&names)
 }
 
 /// A JSON object, and what errors call it.

@@ -11,7 +11,10 @@ use catch_lab::{
     assets::{Asset, Kind, Origin},
     scenario::setup::Setup,
 };
-use catch_recording::{sources::Sources, whole_file::COMMAND_LINE};
+use catch_recording::{
+    sources::{Meshes, Sources},
+    whole_file::COMMAND_LINE,
+};
 use nalgebra::{Matrix3, Point3};
 use numpy::{PyArray1, PyArray2, ToPyArray};
 use pyo3::{prelude::*, types::PyDict};
@@ -40,6 +43,7 @@ pub struct Robot {
 struct Texts {
     urdf: String,
     toml: String,
+    meshes: Meshes,
     workcell: Option<String>,
     limit_scale: LimitScale,
 }
@@ -47,18 +51,20 @@ struct Texts {
 impl Robot {
     /// Creates the robot of a setup.
     pub fn of_setup(model: &BodyRobot, sources: &Sources) -> Self {
-        let Sources { robot_urdf, robot_toml, workcell_toml, limit_scale, .. } = sources.clone();
-        let texts = Texts { urdf: robot_urdf, toml: robot_toml, workcell: workcell_toml, limit_scale };
+        let Sources { robot_urdf, robot_toml, robot_meshes: meshes, workcell_toml, limit_scale, .. } = sources.clone();
+        let texts = Texts { urdf: robot_urdf, toml: robot_toml, meshes, workcell: workcell_toml, limit_scale };
         Self { model: model.clone(), texts }
     }
 
     /// Returns the texts of arm and gripper, as recordings keep them.
     pub fn sources(&self, gripper: &Gripper) -> Sources {
-        let Texts { urdf, toml, workcell, limit_scale } = &self.texts;
+        let Texts { urdf, toml, meshes, workcell, limit_scale } = &self.texts;
         Sources {
             robot_urdf: urdf.clone(),
             robot_toml: toml.clone(),
+            robot_meshes: meshes.clone(),
             gripper_toml: gripper.toml.clone(),
+            gripper_meshes: gripper.meshes.clone(),
             workcell_toml: workcell.clone(),
             limit_scale: *limit_scale,
         }
@@ -78,7 +84,8 @@ impl Robot {
         let arm = asset(Kind::Robot, &robot.text(py, "robot")?, "robot")?;
         let (urdf_file, urdf) = arm.read_text_beside("robot.urdf").map_err(input_fault)?;
         let files = RobotFiles { urdf_file: &urdf_file, urdf: &urdf, toml_file: &arm.file, toml: &arm.text };
-        let mut model = BodyRobot::from_files(&files).map_err(input_fault)?;
+        let model = BodyRobot::from_files(&files).and_then(|it| it.with_meshes(&|name| arm.read_beside(name)));
+        let mut model = model.map_err(input_fault)?;
         let around = workcell.map(|it| asset(Kind::Workcell, &it.text(py, "workcell")?, "workcell")).transpose()?;
         if let Some(around) = &around {
             model.obstacles = Workcell::from_toml(&around.file, &around.text).map_err(input_fault)?.obstacles;
@@ -88,7 +95,8 @@ impl Robot {
             model.ready_q = model.checked_pose(COMMAND_LINE, "--ready_q", &values).map_err(input_fault)?;
         }
         let workcell = around.map(|it| it.text);
-        Ok(Self { model, texts: Texts { urdf, toml: arm.text, workcell, limit_scale: LimitScale::default() } })
+        let meshes = arm.meshes().map_err(input_fault)?;
+        Ok(Self { model, texts: Texts { urdf, toml: arm.text, meshes, workcell, limit_scale: LimitScale::default() } })
     }
 
     /// Text of `robot.urdf`.
@@ -191,12 +199,14 @@ pub struct Gripper {
     /// The gripper.
     pub model: BodyGripper,
     toml: String,
+    meshes: Meshes,
 }
 
 impl Gripper {
     /// Creates the gripper of a setup.
     pub fn of_setup(model: &BodyGripper, sources: &Sources) -> Self {
-        Self { model: model.clone(), toml: sources.gripper_toml.clone() }
+        let (toml, meshes) = (sources.gripper_toml.clone(), sources.gripper_meshes.clone());
+        Self { model: model.clone(), toml, meshes }
     }
 }
 
@@ -205,8 +215,10 @@ impl Gripper {
     #[new]
     fn new(py: Python<'_>, gripper: Named) -> PyResult<Self> {
         let file = asset(Kind::Gripper, &gripper.text(py, "gripper")?, "gripper")?;
-        let model = BodyGripper::from_toml(&file.file, &file.text).map_err(input_fault)?;
-        Ok(Self { model, toml: file.text })
+        let model = BodyGripper::from_toml(&file.file, &file.text);
+        let model = model.and_then(|it| it.with_meshes(&|name| file.read_beside(name))).map_err(input_fault)?;
+        let meshes = file.meshes().map_err(input_fault)?;
+        Ok(Self { model, toml: file.text, meshes })
     }
 
     /// Text of its file.

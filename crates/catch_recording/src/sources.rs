@@ -1,9 +1,14 @@
 //! The texts of the files that describe arm, gripper and workcell, and what they describe.
 
+use std::{collections::BTreeMap, path::Path};
+
 use catch_body::{
     Gripper, InputError, Robot, clearance::ArmClearance, robot::LimitScale, robot_file::RobotFiles, workcell::Workcell,
 };
 use serde::{Deserialize, Serialize};
+
+/// Texts of meshes by the names with which a file names them.
+pub type Meshes = BTreeMap<String, String>;
 
 /// Texts of the files from which a brain's arm and gripper are made, so that a recording can make them again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -12,8 +17,14 @@ pub struct Sources {
     pub robot_urdf: String,
     /// The robot's `robot.toml`.
     pub robot_toml: String,
+    /// Meshes of the robot's visual shapes.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub robot_meshes: Meshes,
     /// The gripper's file.
     pub gripper_toml: String,
+    /// Meshes of the gripper's visual shapes.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub gripper_meshes: Meshes,
     /// The workcell's file, where there is one.
     #[serde(default)]
     pub workcell_toml: Option<String>,
@@ -46,12 +57,25 @@ impl Sources {
             toml_file: names.robot_toml,
             toml: &self.robot_toml,
         })?;
+        let robot = robot.with_meshes(&beside(names.robot_toml, &self.robot_meshes))?;
         let gripper = Gripper::from_toml(names.gripper_toml, &self.gripper_toml)?;
+        let gripper = gripper.with_meshes(&beside(names.gripper_toml, &self.gripper_meshes))?;
         let mut robot = robot.with_limits_scaled(&self.limit_scale).with_mount_of(&gripper);
         if let Some(text) = &self.workcell_toml {
             robot.obstacles = Workcell::from_toml(names.workcell_toml, text)?.obstacles;
         }
         Ok((robot, gripper))
+    }
+}
+
+/// Reads of `meshes` those that the file called `file` names.
+fn beside<'a>(file: &'a str, meshes: &'a Meshes) -> impl Fn(&str) -> Result<(String, Vec<u8>), InputError> + 'a {
+    move |name| {
+        let path = Path::new(file).with_file_name(name).display().to_string();
+        let text = meshes.get(name).ok_or_else(|| {
+            InputError::new(&path, "the file", "nothing", format!("the mesh of a visual shape, as {file} names it"))
+        })?;
+        Ok((path, text.clone().into_bytes()))
     }
 }
 

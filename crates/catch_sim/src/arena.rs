@@ -7,13 +7,14 @@ use catch_cell::{Cell, Command, Observation};
 use nalgebra::Vector3;
 
 use crate::{
-    cameras::Scene,
+    cameras::{Renderer, Scene},
     conditions::Conditions,
     config::{ArenaConfig, GripperDriveKind, GripperTrigger},
     encoders::Encoders,
     equipment::{Equipment, Shared},
     free_flight,
     gripper_drive::{DRIVE_MASS_KG, GripperDrive},
+    link_surfaces,
     physics::{ContactForces, Loads, World, WorldSettings, WorldState},
     random_streams::{Draws, Stream},
     sensors::Sensors,
@@ -45,6 +46,8 @@ pub struct Arena {
     /// The arm as it is, without the gripper's mass; the robot controller and the brain know another one.
     true_robot: Robot,
     encoders: Encoders,
+    /// What cameras see.
+    renderer: Renderer,
     world: World,
     servo: Servo,
     drive: GripperDrive,
@@ -79,6 +82,12 @@ impl Arena {
             drive_mass_kg: if config.gripper == GripperDriveKind::Real { DRIVE_MASS_KG } else { 0.0 },
         };
         let world = World::new(settings, (&true_robot, ready_q), gripper, gripper.max_width_m, (object, release));
+        let surface_sd_m = config.robot_errors.link_surface_sd_m;
+        let mut renderer = equipment.shared.renderer.clone();
+        if surface_sd_m > 0.0 {
+            let mut draws = Draws::new(Stream::LinkSurfaces, seed, index);
+            renderer = renderer.with_arm(&link_surfaces::drawn(robot, surface_sd_m, &mut draws), gripper);
+        }
         let mut gripper_draws = Draws::new(Stream::Gripper, seed, index);
         let mut arena = Self {
             state: world.state(),
@@ -99,6 +108,7 @@ impl Arena {
                 ready_q,
                 Draws::new(Stream::Encoders, seed, index),
             ),
+            renderer,
             equipment: equipment.clone(),
             under_way: Vec::new(),
             steps: 0,
@@ -164,6 +174,7 @@ impl Arena {
         self.conditions = Conditions::draw(config, object, seed, index);
         self.world.exchange_object(object, release, self.conditions.friction, self.conditions.restitution);
         self.equipment = equipment.clone();
+        self.renderer = self.renderer.clone().with_object_of(&equipment.shared.renderer);
         self.path = release.path.clone().map(|path| (path, self.time_s()));
         self.state = self.world.state();
         (self.has_sensed, self.has_triggered) = (false, false);
@@ -317,7 +328,7 @@ impl Arena {
         }
         let WorldState { q, finger_m, X_WO, .. } = self.state;
         let scene = Scene { capture_s: now_s, X_WL: self.link_poses(&q), width_m: finger_m[0] + finger_m[1], X_WO };
-        self.sensors.expose(&self.equipment.shared.renderer, &scene, at_observation);
+        self.sensors.expose(&self.renderer, &scene, at_observation);
     }
 
     /// Moves the object along the recorded flight until something touches it or the recording ends.

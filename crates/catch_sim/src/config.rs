@@ -131,6 +131,10 @@ pub struct RobotErrors {
     /// controller computes with.
     #[serde(deserialize_with = "quantity::spread")]
     pub link_mass_spread: f64,
+    /// Standard deviation of how far the surface of each link that cameras see is outside of the model, in
+    /// metres. Covers, cables and labels on the links rise up to 15 times as far.
+    #[serde(deserialize_with = "quantity::error_m")]
+    pub link_surface_sd_m: f64,
     /// Displacement of the gripper from the mounting in the model, in a random direction, in metres.
     #[serde(deserialize_with = "quantity::error_m")]
     pub tool_position_m: f64,

@@ -42,6 +42,7 @@ pub mod encoders;
 pub mod equipment;
 pub mod free_flight;
 pub mod gripper_drive;
+mod link_surfaces;
 pub mod object;
 pub mod object_shape;
 pub mod person;

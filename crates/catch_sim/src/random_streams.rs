@@ -48,6 +48,8 @@ pub enum Stream {
     Person = 28,
     /// Weights of the grasp choice that an experiment draws.
     GraspWeights = 29,
+    /// Surfaces of the arm's links.
+    LinkSurfaces = 30,
 }
 
 /// Uniform numbers.

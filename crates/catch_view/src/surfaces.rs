@@ -1,12 +1,9 @@
 //! The surfaces that pictures of a throw show, each in the frame that moves it.
 
-use std::collections::HashMap;
-
-use catch_body::{Gripper, Robot, TriangleMesh, shape::Cuboid};
-use nalgebra::Point3;
+use catch_body::{Gripper, Robot, TriangleMesh};
 use serde::Serialize;
 
-/// Flat strips around the arm's capsules.
+/// Flat strips around the capsules of links without a visual shape.
 const SEGMENTS: u32 = 24;
 /// A surface with more triangles is thinned: more would only make files large.
 const MOST_TRIANGLES: usize = 4_000;
@@ -16,8 +13,8 @@ const MOST_TRIANGLES: usize = 4_000;
 pub struct Surface {
     /// Part that the surface belongs to.
     pub of: Part,
-    /// The number of the arm's link whose frame it is in; the gripper's parts are in G, a finger around its
-    /// own centre.
+    /// The number of the arm's link whose frame it is in; the gripper's parts are in G, the right finger
+    /// around its own centre.
     pub link: usize,
     /// Triangles of the surface.
     pub mesh: TriangleMesh,
@@ -41,14 +38,15 @@ pub enum Part {
 
 /// Arm, gripper, obstacles and, where its surface is known, object.
 pub fn surfaces(robot: &Robot, gripper: &Gripper, object: Option<&TriangleMesh>) -> Vec<Surface> {
-    let links = robot.capsules.iter();
+    let links = (0..=robot.dof()).map(|link| (link, robot.link_surface(link, SEGMENTS)));
     let mut surfaces: Vec<Surface> = links
-        .map(|(link, capsule)| Surface { of: Part::Link, link: *link, mesh: TriangleMesh::capsule(capsule, SEGMENTS) })
+        .filter(|(_, mesh)| !mesh.triangles.is_empty())
+        .map(|(link, mesh)| Surface { of: Part::Link, link, mesh })
         .collect();
-    let finger = Cuboid { centre: Point3::origin(), size: gripper.finger_size_m.into() };
+    let [housing, finger] = gripper.surfaces();
     let mut add = |of, mesh| surfaces.push(Surface { of, link: 0, mesh });
-    add(Part::Housing, TriangleMesh::cuboid(&gripper.body()));
-    add(Part::Finger, TriangleMesh::cuboid(&finger));
+    add(Part::Housing, housing);
+    add(Part::Finger, finger);
     for obstacle in &robot.obstacles {
         add(Part::Obstacle, obstacle.mesh());
     }
@@ -58,34 +56,9 @@ pub fn surfaces(robot: &Robot, gripper: &Gripper, object: Option<&TriangleMesh>)
     surfaces
 }
 
-/// The mesh with corners that share a box of a grid brought together, the grid as fine as the number of
-/// triangles allows.
-///
-/// (Rossignac & Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993.)
+/// The mesh with so few triangles that pages stay small.
 pub fn thinned(mesh: &TriangleMesh) -> TriangleMesh {
-    let mut boxes = 256.0;
-    let mut thin = mesh.clone();
-    while thin.triangles.len() > MOST_TRIANGLES || thin.vertices.len() > usize::from(u16::MAX) {
-        thin = clustered(mesh, mesh.aabb().size.max() / boxes);
-        boxes /= 1.5;
-    }
-    thin
-}
-
-fn clustered(mesh: &TriangleMesh, size_m: f64) -> TriangleMesh {
-    let mut clusters: HashMap<[i64; 3], u32> = HashMap::new();
-    let mut vertices = Vec::new();
-    let index_of = |vertex: &Point3<f64>| {
-        let key: [i64; 3] = vertex.coords.map(|value| (value / size_m).round() as i64).into();
-        *clusters.entry(key).or_insert_with(|| {
-            vertices.push(*vertex);
-            (vertices.len() - 1) as u32
-        })
-    };
-    let indices: Vec<u32> = mesh.vertices.iter().map(index_of).collect();
-    let triangles = mesh.triangles.iter().map(|triangle| triangle.map(|vertex| indices[vertex as usize]));
-    let triangles = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
-    TriangleMesh { vertices, triangles }
+    mesh.simplified(MOST_TRIANGLES).map_or_else(|| mesh.clone(), |(fewer, _)| fewer)
 }
 
 #[cfg(test)]

@@ -7,7 +7,6 @@ use crate::{
     pose::Pose,
     ray_cast::RayCaster,
     robot::{MAX_JOINTS, Robot},
-    shape::Cuboid,
 };
 
 /// Flat strips around a capsule: at 48 a link of 80 mm radius is 0.17 mm short between the edges.
@@ -31,7 +30,7 @@ pub struct ArmSurface {
     /// Links that have a surface, and that surface in the link's frame.
     links: Vec<(usize, RayCaster)>,
     housing: RayCaster,
-    /// A finger around its own centre; both are alike.
+    /// A finger around its own centre, of both.
     finger: RayCaster,
     /// Obstacles around the arm, in W.
     obstacles: Option<RayCaster>,
@@ -40,22 +39,19 @@ pub struct ArmSurface {
 }
 
 impl ArmSurface {
-    /// Prepares the capsules and obstacles of `robot` and the boxes of `gripper`.
+    /// Prepares what cameras see of `robot`, of its obstacles and of `gripper`.
     pub fn new(robot: &Robot, gripper: &Gripper) -> Self {
         let links = (0..=robot.dof()).filter_map(|link| {
-            let mut mesh = TriangleMesh::default();
-            for (_, capsule) in robot.capsules.iter().filter(|(of, _)| *of == link) {
-                mesh.merge(&TriangleMesh::capsule(capsule, SEGMENTS));
-            }
+            let mesh = robot.link_surface(link, SEGMENTS);
             (!mesh.triangles.is_empty()).then(|| (link, RayCaster::new(&mesh)))
         });
         let mut obstacles = TriangleMesh::default();
         robot.obstacles.iter().for_each(|obstacle| obstacles.merge(&obstacle.mesh()));
-        let finger = Cuboid { centre: nalgebra::Point3::origin(), size: gripper.finger_size_m.into() };
+        let [housing, finger] = gripper.surfaces();
         Self {
             links: links.collect(),
-            housing: RayCaster::new(&TriangleMesh::cuboid(&gripper.body())),
-            finger: RayCaster::new(&TriangleMesh::cuboid(&finger)),
+            housing: RayCaster::new(&housing),
+            finger: RayCaster::new(&finger),
             obstacles: (!obstacles.triangles.is_empty()).then(|| RayCaster::new(&obstacles)),
             gripper: gripper.clone(),
             X_LG: robot.X_LG,
@@ -70,10 +66,8 @@ impl ArmSurface {
     /// Every part with the body that it belongs to, and otherwise as of [`Self::parts`].
     pub fn named_parts(&self, X_WL: &LinkPoses, width_m: f64) -> impl Iterator<Item = (SurfacePart, Pose, &RayCaster)> {
         let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
-        let fingers = self.gripper.fingers(width_m).map(|finger| {
-            let X_GF = Pose::translation(finger.centre.x, finger.centre.y, finger.centre.z);
-            (SurfacePart::Gripper, X_WG * X_GF, &self.finger)
-        });
+        let fingers = self.gripper.finger_poses(width_m);
+        let fingers = fingers.map(|X_GF| (SurfacePart::Gripper, X_WG * X_GF, &self.finger));
         let links: [Pose; MAX_JOINTS + 1] = *X_WL;
         let links = self.links.iter().map(move |(link, caster)| (SurfacePart::Link(*link), links[*link], caster));
         let obstacles = self.obstacles.iter().map(|caster| (SurfacePart::Obstacle, Pose::identity(), caster));

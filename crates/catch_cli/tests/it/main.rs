@@ -29,6 +29,7 @@ mod suite_table;
 mod system_limits;
 mod texts_of_others;
 mod views;
+mod visual_shapes;
 mod wrong_input;
 
 use std::process::{Command, Output};

@@ -24,7 +24,7 @@ use std::{
     time::Duration,
 };
 
-use catch_body::{Gripper, InputError, Robot, TriangleMesh, mesh_file, robot_file::RobotFiles};
+use catch_body::{Gripper, InputError, Robot, TriangleMesh, mesh_file, robot_file::RobotFiles, visual::Visual};
 use catch_cell::{DataSheet, ObjectFigures, rig_from_toml};
 use catch_import::{cloud_file, templates};
 use catch_lab::{
@@ -202,6 +202,7 @@ fn loads() -> BTreeMap<String, Load<'static>> {
         );
     }
     let (urdf, toml) = (asset("robots/iiwa14/robot.urdf"), asset("robots/iiwa14/robot.toml"));
+    let toml = toml + "[visuals.iiwa_link_1]\nmesh = 'visual/a.obj'\nsource = 'a ball'\n";
     let robot = |urdf: &str, toml: &str| {
         let robot = Robot::from_files(&RobotFiles { urdf_file: "robot.urdf", urdf, toml_file: "robot.toml", toml })?;
         finite(robot.gripper_pose(&robot.ready_q).translation.vector.iter().copied());
@@ -210,7 +211,20 @@ fn loads() -> BTreeMap<String, Load<'static>> {
     let (right_urdf, right_toml) = (urdf.clone(), toml.clone());
     add("robot URDF", Box::new(move |it| robot(&text(it.text(&urdf))?, &right_toml)));
     add("robot TOML", Box::new(move |it| robot(&right_urdf, &text(it.text(&toml))?)));
-    let gripper = asset("grippers/wsg50.toml");
+    let ball = mesh_file::obj_text(&[TriangleMesh::sphere(0.1, 1)]);
+    let visual: Visual = toml::from_str("mesh = 'visual/a.obj'\nsource = 'a ball'").unwrap();
+    add(
+        "visual mesh",
+        Box::new(move |it| {
+            let bytes = it.text(&ball);
+            let mut visual = visual.clone();
+            visual.read(&|name| Ok((name.to_owned(), bytes.clone())))?;
+            finite(visual.mesh().unwrap().vertices.iter().flat_map(|it| <[f64; 3]>::from(it.coords)));
+            Ok(())
+        }),
+    );
+    let gripper = asset("grippers/wsg50.toml")
+        + "[visuals.housing]\nmesh = 'a.obj'\nsource = 'a'\n[visuals.finger]\nmesh = 'b.obj'\nsource = 'b'\n";
     add(
         "gripper",
         Box::new(move |it| {

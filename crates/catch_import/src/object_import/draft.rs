@@ -1,8 +1,6 @@
 //! The files of an imported object.
 
-use std::fmt::Write;
-
-use catch_body::{TriangleMesh, quantity};
+use catch_body::{TriangleMesh, mesh_file::obj_text, quantity};
 use catch_sim::object::hull_area_m2;
 
 use super::mass::Stated;
@@ -79,9 +77,9 @@ impl Draft<'_> {
 
     /// The files beside the object's own.
     pub fn files(&self) -> Vec<(String, Vec<u8>)> {
-        let mut files = vec![(self.mesh_file(), obj(std::slice::from_ref(self.mesh)))];
+        let mut files = vec![(self.mesh_file(), obj_text(std::slice::from_ref(self.mesh)).into_bytes())];
         if !self.parts.is_empty() {
-            files.push((self.parts_file(), obj(&self.parts)));
+            files.push((self.parts_file(), obj_text(&self.parts).into_bytes()));
         }
         files
     }
@@ -101,23 +99,4 @@ impl Draft<'_> {
         let rounded = (drag * 1e4).round() / 1e4;
         rounded.clamp(quantity::DRAG_PER_M.least, quantity::DRAG_PER_M.most)
     }
-}
-
-/// Meshes as the groups of an OBJ file in metres, to a micrometre.
-fn obj(groups: &[TriangleMesh]) -> Vec<u8> {
-    let mut text = String::new();
-    let mut first = 1;
-    for (i, mesh) in groups.iter().enumerate() {
-        // A String takes whatever is written to it.
-        let _ = writeln!(text, "o part_{}", i + 1);
-        for p in &mesh.vertices {
-            let _ = writeln!(text, "v {:.7} {:.7} {:.7}", p.x, p.y, p.z);
-        }
-        for triangle in &mesh.triangles {
-            let [a, b, c] = triangle.map(|it| it as usize + first);
-            let _ = writeln!(text, "f {a} {b} {c}");
-        }
-        first += mesh.vertices.len();
-    }
-    text.into_bytes()
 }

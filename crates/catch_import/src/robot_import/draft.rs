@@ -2,8 +2,8 @@
 
 use std::{collections::BTreeMap, fmt::Write};
 
-use crate::description::{Chain, ChainJoint, TreeJoint};
-use catch_body::{InputError, Pose, input_error::steers_text, quantity, robot::Inertia, stated::Stated};
+use crate::description::{Body, Chain, ChainJoint, TreeJoint};
+use catch_body::{InputError, Pose, TriangleMesh, input_error::steers_text, quantity, robot::Inertia, stated::Stated};
 use nalgebra::Matrix3;
 
 use super::{geometry::BodyShape, joint_limits::JointLimitFields};
@@ -234,7 +234,35 @@ impl Draft {
         self.write_joints(&mut text);
         self.write_inertias(&mut text);
         self.write_collision(&mut text);
+        self.write_visuals(&mut text);
         text
+    }
+
+    /// Surfaces for cameras: names of the links and of the files, and the meshes with their sources.
+    pub fn visuals(&self) -> impl Iterator<Item = (&str, String, &(TriangleMesh, String))> {
+        let visuals = self.bodies().zip(&self.shapes).enumerate();
+        visuals.filter_map(|(i, (body, shape))| {
+            Some((body.links[0].as_str(), format!("visual/link{i}.obj"), shape.visual.as_ref()?))
+        })
+    }
+
+    /// The base and each moved body.
+    fn bodies(&self) -> impl Iterator<Item = &Body> {
+        std::iter::once(&self.chain.base).chain(self.chain.joints.iter().map(|it| &it.body))
+    }
+
+    fn write_visuals(&self, text: &mut String) {
+        for (i, (link, file, (_, source))) in self.visuals().enumerate() {
+            let comment = "\n# Surfaces of the links as cameras see them, in the links' frames.";
+            let _ = write!(
+                text,
+                "{}\n[visuals.{}]\nmesh = {}\nsource = {}\n",
+                if i == 0 { comment } else { "" },
+                key(link),
+                quoted(&file),
+                quoted(&format!("{}: {source}", self.source)),
+            );
+        }
     }
 
     fn write_joints(&self, text: &mut String) {
@@ -287,12 +315,11 @@ impl Draft {
         let _ = write!(
             text,
             "# The arm's outline: capsules in the frames of their links, which hold the shapes of the description. They serve\n\
-             # rendering, contact with thrown objects and collision avoidance.\n[collision]\n# Links that lie at most this far \
+             # contact with thrown objects and collision avoidance.\n[collision]\n# Links that lie at most this far \
              apart in the chain are not compared.\nignored_neighbours = {}\n",
             self.ignored_neighbours,
         );
-        let bodies = std::iter::once(&self.chain.base).chain(self.chain.joints.iter().map(|it| &it.body));
-        for (body, shape) in bodies.zip(&self.shapes) {
+        for (body, shape) in self.bodies().zip(&self.shapes) {
             for capsule in &shape.capsules {
                 let _ = write!(
                     text,
@@ -384,7 +411,6 @@ pub fn is_joint(key: &str, joint: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::description::Body;
     use proptest::prelude::*;
 
     fn range(described: Option<[f64; 2]>, lower: Option<f64>, upper: Option<f64>) -> Result<[f64; 2], String> {

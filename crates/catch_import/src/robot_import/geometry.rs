@@ -1,6 +1,6 @@
 //! The shapes of a described robot's bodies, and capsules around them.
 
-use std::path::Path;
+use std::{collections::BTreeSet, path::Path};
 
 use crate::{
     capsule_fit,
@@ -10,7 +10,10 @@ use crate::{
 use catch_body::{InputError, TriangleMesh, shape::Capsule};
 use nalgebra::{Point3, Vector3};
 
-use super::super::mesh_files::{MeshFiles, located};
+use super::{
+    super::mesh_files::{MeshFiles, located},
+    visual_mesh::seen_from_outside,
+};
 use catch_recording::bounded_file::FileKind;
 
 /// Shapes of one body at most.
@@ -29,6 +32,8 @@ pub struct BodyShape {
     pub capsules: Vec<Capsule>,
     /// Reason why the capsules are assumed, if they are.
     pub assumed: Option<String>,
+    /// Surface for cameras, and where it is from; `None` if nothing is known.
+    pub visual: Option<(TriangleMesh, String)>,
     /// Faults of shapes that could not be read.
     pub unread: Vec<InputError>,
 }
@@ -45,29 +50,29 @@ impl BodyShape {
     {
         let mut shape = Self::default();
         let file = file.display().to_string();
-        for shapes in [&body.collisions, &body.visuals] {
+        let mut read = |shapes: &[Geometry]| {
+            let mut all = TriangleMesh::default();
             if shapes.len() > MOST_SHAPES {
-                let found = format!("{} shapes", shapes.len());
-                return Err(InputError::new(
-                    &file,
-                    format!("link {}", body.links[0]),
-                    found,
-                    format!("at most {MOST_SHAPES}"),
-                ));
+                let (field, found) = (format!("link {}", body.links[0]), format!("{} shapes", shapes.len()));
+                return Err(InputError::new(&file, field, found, format!("at most {MOST_SHAPES}")));
             }
+            let before = shape.unread.len();
             for geometry in shapes {
                 match surface(geometry, meshes) {
                     Ok(surface) => {
                         meshes.count(&file, std::slice::from_ref(&surface))?;
-                        shape.surface.merge(&surface);
+                        all.merge(&surface);
                     }
                     Err(fault) => shape.unread.push(fault),
                 }
             }
-            if !shape.surface.triangles.is_empty() {
-                break;
-            }
+            Ok((all, shape.unread.len() == before))
+        };
+        let (collisions, (visuals, is_whole)) = (read(&body.collisions)?.0, read(&body.visuals)?);
+        if is_whole && !visuals.triangles.is_empty() {
+            shape.visual = Some(visual(&visuals, &body.visuals));
         }
+        shape.surface = if collisions.triangles.is_empty() { visuals } else { collisions };
         shape.capsules = capsule_fit::enclosing_capsules(&shape.surface).iter().map(rounded_outwards).collect();
         Ok(shape)
     }
@@ -91,6 +96,20 @@ impl BodyShape {
         self.assumed =
             Some(format!("no shape of this link can be read{unread}: from its joint to the next, {radius_m} m around"));
     }
+}
+
+/// The surface for cameras, and where it is from.
+fn visual(surface: &TriangleMesh, shapes: &[Geometry]) -> (TriangleMesh, String) {
+    let named = shapes.iter().filter_map(|it| match &it.shape {
+        Shape::Mesh { file, .. } => Some(file.as_str()),
+        _ => None,
+    });
+    let names: BTreeSet<&str> = named.collect();
+    let of = if names.is_empty() { "shapes".to_owned() } else { Vec::from_iter(names).join(", ") };
+    let (mesh, cell_m) = seen_from_outside(surface);
+    let (before, after) = (surface.triangles.len(), mesh.triangles.len());
+    let cells = if cell_m > 0.0 { format!(", vertices within {:.1} mm joined", cell_m * 1e3) } else { String::new() };
+    (mesh, format!("{of}: the outside, {after} of {before} triangles{cells}"))
 }
 
 /// The capsule with numbers of few digits that holds `capsule`.

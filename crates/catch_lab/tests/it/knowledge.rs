@@ -161,3 +161,30 @@ fn the_default_brain_catches() {
     });
     assert!(caught.count() >= 3);
 }
+
+/// Where the arm's surface differs from its model, cameras see it, and nothing else changes: neither the
+/// motion nor what the brain is given.
+#[test]
+fn surfaces_of_the_arm_are_seen_and_not_known() {
+    let labels = "arena.labels=false".to_owned();
+    let plain = load("honest", None, std::slice::from_ref(&labels));
+    let covered = load("honest", None, &[labels, "arena.robot_errors.link_surface_sd_m=0.001".to_owned()]);
+    let images = |setup: &Setup| {
+        let mut arena = setup.arena(SCENE.0, SCENE.1);
+        let mut pixels: Vec<u32> = Vec::new();
+        for _ in 0..TICKS {
+            let Ok(seen) = arena.sense();
+            pixels.extend(seen.frames.into_iter().flat_map(|it| it.depth_m).map(f32::to_bits));
+            let Ok(()) = arena.act(&catch_cell::Command::default());
+        }
+        pixels
+    };
+    assert_eq!(images(&covered), images(&covered), "always the same");
+    let [seen, bare] = [&covered, &plain].map(images);
+    let differ = seen.iter().zip(&bare).filter(|(one, other)| one != other).count();
+    assert!(seen.len() == bare.len() && differ > 100, "{differ} of {} pixels", seen.len());
+    assert!(world(&covered) == world(&plain), "surfaces move something");
+    assert_eq!((&covered.robot, &covered.gripper), (&plain.robot, &plain.gripper));
+    assert_eq!(covered.sources, plain.sources);
+    assert_eq!(covered.brain_config(SCENE.0, SCENE.1), plain.brain_config(SCENE.0, SCENE.1));
+}

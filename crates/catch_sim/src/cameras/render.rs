@@ -1,5 +1,7 @@
 //! Ray-cast depth images of object, arm, gripper and floor.
 
+use std::sync::Arc;
+
 use catch_body::{
     Gripper, Pose, Robot, TriangleMesh,
     kinematics::LinkPoses,
@@ -44,8 +46,8 @@ pub enum Readout<'a> {
 /// full image bit for bit.
 #[derive(Debug, Clone)]
 pub struct Renderer {
-    arm: ArmSurface,
-    object: RayCaster,
+    arm: Arc<ArmSurface>,
+    object: Arc<RayCaster>,
     floor_visible: bool,
 }
 
@@ -53,7 +55,18 @@ impl Renderer {
     /// Prepares the surfaces. The object's mesh is in O; the floor, if it can be seen, hides what lies
     /// behind it from either side.
     pub fn new(robot: &Robot, gripper: &Gripper, object: &TriangleMesh, floor_visible: bool) -> Self {
-        Self { arm: ArmSurface::new(robot, gripper), object: RayCaster::new(object), floor_visible }
+        let arm = Arc::new(ArmSurface::new(robot, gripper));
+        Self { arm, object: Arc::new(RayCaster::new(object)), floor_visible }
+    }
+
+    /// The same with another arm.
+    pub(crate) fn with_arm(self, robot: &Robot, gripper: &Gripper) -> Self {
+        Self { arm: Arc::new(ArmSurface::new(robot, gripper)), ..self }
+    }
+
+    /// The same with the object of another one.
+    pub(crate) fn with_object_of(self, other: &Self) -> Self {
+        Self { object: other.object.clone(), ..self }
     }
 
     /// The surfaces where they are in `scene`, and further ones with their poses.

@@ -45,6 +45,7 @@ fn everything() -> ArenaConfig {
             encoder_sd_rad: 1e-4,
             encoder_step_rad: 5e-5,
             link_mass_spread: 0.03,
+            link_surface_sd_m: 1e-3,
             tool_position_m: 1e-3,
             tool_rotation_deg: 0.1,
         },

@@ -2,12 +2,13 @@
 //!
 //! Bodies and joints of the arm begin with `arm/`. Geoms begin with their part: `arm:3:0` is a capsule of the
 //! third link, `object:0` a convex part of the object. Cameras see geoms of group 1; those of group 3 only
-//! collide. The object touches everything else, and nothing else touches anything.
+//! collide, as capsules of links with a visual shape do. The object touches everything else, and nothing else
+//! touches anything.
 
 use std::fmt::Write;
 
 use catch_body::{
-    Gripper, Pose, Robot,
+    Gripper, Pose, Robot, TriangleMesh,
     robot::Inertia,
     shape::{Capsule, Cuboid},
 };
@@ -16,6 +17,9 @@ use catch_lab::scenario::setup::Setup;
 use catch_sim::{GripperDriveKind, Release, ThrownObject, gripper_drive::DRIVE_MASS_KG, object::ColliderPart};
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
+/// Groups of geoms: what cameras see, and what only collides.
+const SEEN: u32 = 1;
+const COLLIDES: u32 = 3;
 /// Highest rate of a contact's spring in 1/s, for steps of 0.5 ms.
 const MOST_PER_S: f64 = 1000.0;
 /// Impedances of contacts with a hard object, and with a soft one. Under a constant load a contact of MuJoCo
@@ -51,12 +55,13 @@ pub fn scene(setup: &Setup, seed: u64, index: u64) -> String {
          <compiler angle=\"radian\" autolimits=\"true\"/>\n\
          <option timestep=\"0.0005\" cone=\"elliptic\" impratio=\"100\" gravity=\"0 0 -9.81\"/>\n\
          <default><geom contype=\"0\" conaffinity=\"0\"/></default>\n\
-         <asset>\n{shapes}</asset>\n\
+         <asset>\n{shapes}{}</asset>\n\
          <worldbody>\n{world}{body}</worldbody>\n\
          <contact>\n{pairs}</contact>\n\
          <actuator>\n{}</actuator>\n\
          <keyframe>\n{}</keyframe>\n\
          </mujoco>\n",
+        visual_assets(robot, gripper),
         motors(robot, gripper),
         released(robot, gripper, &setup.release(seed, index)),
     )
@@ -64,8 +69,8 @@ pub fn scene(setup: &Setup, seed: u64, index: u64) -> String {
 
 fn surroundings(robot: &Robot) -> String {
     let obstacle = |(i, it): (usize, &catch_body::workcell::Obstacle)| match (it.as_cuboid(), it.as_capsule()) {
-        (Some((X_WS, cuboid)), _) => box_geom(&format!("obstacle:{i}"), cuboid, X_WS),
-        (None, Some(capsule)) => capsule_geom(&format!("obstacle:{i}"), capsule),
+        (Some((X_WS, cuboid)), _) => box_geom(&format!("obstacle:{i}"), cuboid, X_WS, SEEN),
+        (None, Some(capsule)) => capsule_geom(&format!("obstacle:{i}"), capsule, SEEN),
         (None, None) => String::new(),
     };
     robot.obstacles.iter().enumerate().map(obstacle).collect()
@@ -89,8 +94,12 @@ fn camera((i, it): (usize, &CameraModel)) -> String {
 /// The arm with its gripper. `drive_kg` is the inertia of the gripper's motor at each finger.
 fn arm(robot: &Robot, gripper: &Gripper, drive_kg: f64) -> String {
     let shape_of = |link: usize| {
-        let capsules = robot.capsules.iter().filter(move |(of, _)| *of == link).enumerate();
-        capsules.map(move |(i, (_, capsule))| capsule_geom(&format!("arm:{link}:{i}"), capsule)).collect::<String>()
+        let is_seen = robot.visuals.contains_key(&link);
+        let group = if is_seen { COLLIDES } else { SEEN };
+        let capsules = robot.capsules.iter().filter(|(of, _)| *of == link).enumerate();
+        let capsules: String =
+            capsules.map(|(i, (_, it))| capsule_geom(&format!("arm:{link}:{i}"), it, group)).collect();
+        capsules + &if is_seen { mesh_geom(&format!("link{link}"), &Pose::identity()) } else { String::new() }
     };
     let mut text = format!("<body name=\"arm/base\" {}>\n{}", placed(&robot.X_WB), shape_of(0));
     for (i, joint) in robot.joints.iter().enumerate() {
@@ -109,17 +118,20 @@ fn arm(robot: &Robot, gripper: &Gripper, drive_kg: f64) -> String {
         );
     }
     // Axes of G: the fingers close along x, y is the approach.
-    let housing = box_geom("palm:0", &gripper.body(), &Pose::identity());
+    let group = if gripper.visuals.is_some() { COLLIDES } else { SEEN };
+    let seen = |name: &str, X: &Pose| gripper.visuals.as_ref().map_or(String::new(), |_| mesh_geom(name, X));
+    let housing = box_geom("palm:0", &gripper.body(), &Pose::identity(), group) + &seen("housing", &Pose::identity());
     let _ =
         write!(text, "<body name=\"gripper\" {}>\n{}{housing}", placed(&robot.X_LG), inertial(&gripper.body_inertia()));
-    let fingers = gripper.fingers(0.0).into_iter().zip(gripper.finger_inertias(0.0));
-    for ((name, side), (shape, inertia)) in [("left", -1), ("right", 1)].into_iter().zip(fingers) {
+    let fingers = gripper.fingers(0.0).into_iter().zip(gripper.finger_inertias(0.0)).zip(gripper.finger_poses(0.0));
+    for ((name, side), ((shape, inertia), X_GF)) in [("left", -1), ("right", 1)].into_iter().zip(fingers) {
         let _ = write!(
             text,
-            "<body name=\"{name}\">\n<joint name=\"{name}\" type=\"slide\" axis=\"{side} 0 0\" range=\"{}\" armature=\"{drive_kg}\"/>\n{}{}</body>\n",
+            "<body name=\"{name}\">\n<joint name=\"{name}\" type=\"slide\" axis=\"{side} 0 0\" range=\"{}\" armature=\"{drive_kg}\"/>\n{}{}{}</body>\n",
             numbers([0.0, gripper.max_width_m / 2.0]),
             inertial(&inertia),
-            box_geom(&format!("{name}:0"), &shape, &Pose::identity()),
+            box_geom(&format!("{name}:0"), &shape, &Pose::identity(), group),
+            seen("finger", &X_GF),
         );
     }
     text + &"</body>".repeat(robot.dof() + 2) + "\n"
@@ -128,10 +140,7 @@ fn arm(robot: &Robot, gripper: &Gripper, drive_kg: f64) -> String {
 /// The object's meshes and its body.
 fn thrown(object: &ThrownObject) -> (String, String) {
     let of = |points: &[Point3<f64>]| numbers(points.iter().flat_map(|it| <[f64; 3]>::from(it.coords)));
-    let faces: Vec<String> = object.mesh.triangles.iter().flatten().map(u32::to_string).collect();
-    let vertices = of(&object.mesh.vertices);
-    let mut meshes =
-        format!("<mesh name=\"surface\" inertia=\"shell\" vertex=\"{vertices}\" face=\"{}\"/>\n", faces.join(" "));
+    let mut meshes = surface_asset("surface", &object.mesh);
     let inertia = Inertia { mass: object.mass_kg, com: object.com_O, about_com: object.inertia_kgm2 };
     let mut body = format!(
         "<body name=\"object\">\n<freejoint name=\"object\"/>\n{}<geom name=\"surface\" type=\"mesh\" mesh=\"surface\" group=\"1\"/>\n",
@@ -207,21 +216,41 @@ fn inertial(of: &Inertia) -> String {
     format!("<inertial mass=\"{}\" pos=\"{com}\" fullinertia=\"{}\"/>\n", of.mass, numbers(moments))
 }
 
-fn box_geom(name: &str, of: &Cuboid, X: &Pose) -> String {
+/// A surface that cameras see and nothing touches, of the asset called `mesh`.
+fn mesh_geom(mesh: &str, X: &Pose) -> String {
+    format!("<geom type=\"mesh\" mesh=\"{mesh}\" group=\"{SEEN}\" {}/>\n", placed(X))
+}
+
+/// Assets of the surfaces that cameras see of the arm and its gripper in place of capsules and boxes.
+fn visual_assets(robot: &Robot, gripper: &Gripper) -> String {
+    let links = robot.visuals.iter().filter_map(|(link, it)| Some((format!("link{link}"), it.mesh()?.clone())));
+    let parts = gripper.visuals.iter().flat_map(|_| ["housing", "finger"].into_iter().zip(gripper.surfaces()));
+    let all = links.chain(parts.map(|(name, mesh)| (name.to_owned(), mesh)));
+    all.map(|(name, mesh)| surface_asset(&name, &mesh)).collect()
+}
+
+/// A surface as an asset; it may be open.
+fn surface_asset(name: &str, mesh: &TriangleMesh) -> String {
+    let faces: Vec<String> = mesh.triangles.iter().flatten().map(u32::to_string).collect();
+    let vertices = numbers(mesh.vertices.iter().flat_map(|it| <[f64; 3]>::from(it.coords)));
+    format!("<mesh name=\"{name}\" inertia=\"shell\" vertex=\"{vertices}\" face=\"{}\"/>\n", faces.join(" "))
+}
+
+fn box_geom(name: &str, of: &Cuboid, X: &Pose, group: u32) -> String {
     let place = placed(&(X * Translation3::from(of.centre.coords)));
     let size = numbers(<[f64; 3]>::from(of.size / 2.0));
-    format!("<geom name=\"{name}\" type=\"box\" size=\"{size}\" group=\"1\" {place}/>\n")
+    format!("<geom name=\"{name}\" type=\"box\" size=\"{size}\" group=\"{group}\" {place}/>\n")
 }
 
 /// A capsule; one without length is a ball.
-fn capsule_geom(name: &str, of: &Capsule) -> String {
+fn capsule_geom(name: &str, of: &Capsule, group: u32) -> String {
     let [from, to] = [of.from, of.to].map(|end| numbers(<[f64; 3]>::from(end.coords)));
     let shape = if of.from == of.to {
         format!("type=\"sphere\" pos=\"{from}\"")
     } else {
         format!("type=\"capsule\" fromto=\"{from} {to}\"")
     };
-    format!("<geom name=\"{name}\" size=\"{}\" group=\"1\" {shape}/>\n", of.radius)
+    format!("<geom name=\"{name}\" size=\"{}\" group=\"{group}\" {shape}/>\n", of.radius)
 }
 
 fn placed(X: &Pose) -> String {

@@ -75,7 +75,9 @@ impl Parts {
         let sources = Sources {
             robot_urdf,
             robot_toml: self.robot.text.clone(),
+            robot_meshes: self.robot.meshes()?,
             gripper_toml: self.gripper.text.clone(),
+            gripper_meshes: self.gripper.meshes()?,
             workcell_toml: self.workcell.as_ref().map(|it| it.text.clone()),
             limit_scale: scenario.limit_scale,
         };

@@ -34,7 +34,8 @@ function placesOf(surface, { links, hand, object, width }) {
   if (surface.of === "object") return object ? [object] : [];
   if (surface.of === "obstacle") return [shift(0, 0, 0)];
   const x = (width + data.robot.finger_thickness_m) / 2;
-  return [-x, x].map((side) => multiply(hand, shift(side, data.robot.finger_centre_y_m, 0)));
+  const right = multiply(hand, shift(x, data.robot.finger_centre_y_m, 0)), left = multiply(hand, shift(-x, data.robot.finger_centre_y_m, 0));
+  return [multiply(left, turn([0, 1, 0], Math.PI)), right];
 }
 // Where the hand holds, in its frame: as it last planned, else between the fingers.
 const holdAt = (time) => planAt(time)?.held || [0, (data.robot.finger_centre_y_m + data.robot.finger_tip_y_m) / 2, 0];

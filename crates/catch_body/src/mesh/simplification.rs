@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use catch_body::TriangleMesh;
+use super::TriangleMesh;
 
 /// A vertex stays this near to the middle of its cell where the planes around it leave it free, as a weight
 /// against theirs.
@@ -13,27 +13,29 @@ const STAYS: f64 = 1e-2;
 const GROWTH: f64 = 1.25;
 const MOST_TRIALS: usize = 20;
 
-/// Simplifies a surface to at most `most` triangles; also returns the edge in metres of the cells in which
-/// vertices became one. `None` if the surface has no more triangles anyway.
-///
-/// Vertices in one cube of a grid become one, where the squared distances from the planes of their triangles
-/// are least, so that sharp edges stay (Lindstrom, Out-of-core simplification of large polygonal models,
-/// 2000). A closed surface stays closed.
-pub fn simplified(mesh: &TriangleMesh, most: usize) -> Option<(TriangleMesh, f64)> {
-    if mesh.triangles.len() <= most {
-        return None;
-    }
-    let area_m2: f64 = mesh.all_corners().map(|[a, b, c]| (b - a).cross(&(c - a)).norm() / 2.0).sum();
-    // On a plane two triangles come on each square.
-    let mut cell_m = (2.0 * area_m2 / most as f64).sqrt();
-    for _ in 0..MOST_TRIALS {
-        let fewer = clustered(mesh, cell_m);
-        if fewer.triangles.len() <= most {
-            return Some((fewer, cell_m));
+impl TriangleMesh {
+    /// Simplifies a surface to at most `most` triangles; also returns the edge in metres of the cells in
+    /// which vertices became one. `None` if the surface has no more triangles anyway.
+    ///
+    /// Vertices in one cube of a grid become one, where the squared distances from the planes of their
+    /// triangles are least, so that sharp edges stay (Lindstrom, Out-of-core simplification of large
+    /// polygonal models, 2000). A closed surface stays closed.
+    pub fn simplified(&self, most: usize) -> Option<(Self, f64)> {
+        if self.triangles.len() <= most {
+            return None;
         }
-        cell_m *= GROWTH;
+        let area_m2: f64 = self.all_corners().map(|[a, b, c]| (b - a).cross(&(c - a)).norm() / 2.0).sum();
+        // On a plane two triangles come on each square.
+        let mut cell_m = (2.0 * area_m2 / most as f64).sqrt();
+        for _ in 0..MOST_TRIALS {
+            let fewer = clustered(self, cell_m);
+            if fewer.triangles.len() <= most {
+                return Some((fewer, cell_m));
+            }
+            cell_m *= GROWTH;
+        }
+        None
     }
-    None
 }
 
 /// Contents of a cell: its vertices' sum and number, and the planes of the triangles there.
@@ -89,15 +91,15 @@ fn clustered(mesh: &TriangleMesh, cell_m: f64) -> TriangleMesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use catch_body::shape::Cuboid;
+    use crate::{mesh_file::welded, shape::Cuboid};
 
     #[test]
     fn a_simpler_surface_is_closed_and_keeps_its_volume() {
         let sphere = TriangleMesh::sphere(0.05, 6);
-        let (fewer, cell_m) = simplified(&sphere, 10_000).unwrap();
+        let (fewer, cell_m) = sphere.simplified(10_000).unwrap();
         assert!(fewer.triangles.len() <= 10_000 && fewer.is_closed() && cell_m < 0.004);
         assert!((fewer.volume() / sphere.volume() - 1.0).abs() < 2e-3, "{}", fewer.volume() / sphere.volume());
-        assert!(simplified(&fewer, 10_000).is_none());
+        assert!(fewer.simplified(10_000).is_none());
     }
 
     #[test]
@@ -113,10 +115,9 @@ mod tests {
             }
             block = finer;
         }
-        let block = crate::mesh_repair::repaired(&block, &crate::mesh_repair::RepairLimits { largest_hole_m: 0.0 })
-            .unwrap()
-            .mesh;
-        let (fewer, _) = simplified(&block, 6_000).unwrap();
+        let vertices: Vec<[f64; 3]> = block.vertices.iter().map(|it| it.coords.into()).collect();
+        let block = welded(&vertices, &block.triangles, 1.0);
+        let (fewer, _) = block.simplified(6_000).unwrap();
         assert!(fewer.is_closed());
         assert!((fewer.aabb().size - size).amax() < 1e-4, "{}", fewer.aabb().size);
         assert!((fewer.volume() / size.product() - 1.0).abs() < 2e-3, "{}", fewer.volume() / size.product());
