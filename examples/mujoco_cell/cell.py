@@ -32,23 +32,24 @@ class Fingers:
 
     def forces(self, now_s: float, at_m: np.ndarray, speed_mps: np.ndarray) -> np.ndarray:
         width_m, rate_mps, is_cycle = at_m.sum(), speed_mps.sum(), now_s + 1e-9 >= self.next_s
-        while is_cycle and (move := self.queue.take_due(now_s, self.latency_s)) is not None:
+        # What arrives after a cycle waits for the next one.
+        while is_cycle and (move := self.queue.take_due(self.next_s, self.latency_s)) is not None:
             self.wanted_m = np.clip(move.width_m, 0.0, self.widest_m)
             if self.control == "two_state":
                 self.wanted_m = self.widest_m if 2 * move.width_m > self.widest_m else 0.0
             obeys = self.control == "speed_and_force"
             self.speed_mps, self.force_n = (min(move.speed_mps, self.fastest), min(move.force_n, self.most_n)) if obeys else (self.fastest, self.most_n)
-        # The set-point brakes in time, and waits for fingers that something keeps.
+        opening = self.stiffness * (self.width_m - width_m) / 2 + self.damping * (self.rate_mps - rate_mps) / 2
+        # The next set-point brakes in time, and waits for fingers that something keeps.
         way, before_mps, change = self.wanted_m - self.width_m, self.rate_mps, self.acceleration * TICK_S
         target = np.sign(way) * min(self.speed_mps, np.sqrt(2 * self.acceleration * abs(way)))
         self.rate_mps += np.clip(target - self.rate_mps, -change, change)
-        self.width_m += self.rate_mps * TICK_S
+        self.width_m += (before_mps + self.rate_mps) / 2 * TICK_S
         if (self.wanted_m - self.width_m) * way <= 0:
             self.width_m, self.rate_mps = self.wanted_m, 0.0
         lead_m = 2 * self.force_n / self.stiffness
         if abs(self.width_m - width_m) > lead_m:
             self.width_m, self.rate_mps = np.clip(self.width_m, width_m - lead_m, width_m + lead_m), 0.0
-        opening = self.stiffness * (self.width_m - width_m) / 2 + self.damping * (self.rate_mps - rate_mps) / 2
         opening = np.clip(opening + self.ahead_kg * (self.rate_mps - before_mps) / TICK_S, -self.force_n, self.force_n)
         if is_cycle:
             self.next_s += self.cycle_s
