@@ -146,8 +146,8 @@ impl ThrownObject {
 
     /// The largest torque in N·m with which a finger that presses with `force_n` resists the object's
     /// rotation about the normal, where the object is `width_m` wide between the fingers: ⅔·μ·N·a, if the
-    /// pressure on the patch is even (Howe & Cutkosky, Practical force-motion models for sliding manipulation,
-    /// 1996). Where flat surfaces touch at several points, these resist, too.
+    /// pressure on the patch is even (Howe & Cutkosky, Practical force-motion models for sliding
+    /// manipulation, 1996). Where flat surfaces touch at several points, these resist, too.
     pub fn spin_friction_nm(&self, friction: f64, force_n: f64, width_m: f64) -> f64 {
         2.0 / 3.0 * friction * force_n * self.patch_radius_m(force_n, width_m)
     }
