@@ -1,7 +1,7 @@
 //! Poisson's law of restitution with friction.
 //!
-//! The solver lets contacts end without rebound: that is the compression of an impact, with its friction. Here
-//! the restitution follows (Anitescu and Potra, 1997). Each point that has begun to push gives e times its
+//! The solver lets contacts end without rebound: that is the compression of an impact, with its friction. The
+//! restitution follows here (Anitescu and Potra, 1997). Each point that has begun to push gives e times its
 //! impulse of the compression once more. Sweeps then go on over these points until none approaches, and none
 //! slides while Coulomb's cone leaves friction to spend (projected Gauss–Seidel). Springs of points that pushed
 //! before go on in the next step.
