@@ -3,8 +3,8 @@
 //! The solver lets contacts end without rebound: that is the compression of an impact, with its friction. The
 //! restitution follows here (Anitescu and Potra, 1997). Each point that has begun to push gives e times its
 //! impulse of the compression once more. Sweeps then go on over these points until none approaches, and none
-//! slides while Coulomb's cone leaves friction to spend (projected Gauss–Seidel). Springs of points that pushed
-//! before go on in the next step.
+//! slides while Coulomb's cone leaves friction to spend (projected Gauss–Seidel). Springs of points that
+//! pushed before go on in the next step.
 //!
 //! Newton's law would ask for a speed at each point instead. With friction that adds energy where a point
 //! slides one way before and another way after; and a ball that bounces off one finger onto the other, which
