@@ -159,8 +159,8 @@ fn thrown(object: &ThrownObject) -> (String, String) {
     (meshes, body + "</body>\n")
 }
 
-/// Contacts of the object: as stiff as its surface, with its restitution, and the patch of a finger that presses
-/// with all of its force.
+/// Contacts of the object: as stiff as its surface, with its restitution, and the patch of a finger that
+/// presses with all of its force.
 fn contact_attributes(setup: &Setup, drive_kg: f64) -> String {
     let Setup { object, gripper, .. } = setup;
     let finger_kg = gripper.finger_mass_kg + drive_kg;
