@@ -114,6 +114,7 @@ fn every_command_fails_in_the_same_shape() {
         ("export", &["--lerobot", "set", "--object", "nope"], "--object"),
         ("gripper-latency", &["no.catch"], "the file"),
         ("check", &["no.toml"], "the file"),
+        ("view", &["no.catch"], "--json"),
     ];
     let mut names = commands_with_json(&catch_cli::command(), "");
     names.sort_unstable();
