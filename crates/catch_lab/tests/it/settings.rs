@@ -71,6 +71,7 @@ const ALL: &[(Where, &[&str], &str)] = &[
     (World, &[], "arena.robot_errors.encoder_sd_rad=0.001"),
     (World, &[], "arena.robot_errors.encoder_step_rad=0.001"),
     (World, &[], "arena.robot_errors.link_mass_spread=0.1"),
+    (World, &[], "arena.robot_errors.link_surface_sd_m=0.01"),
     (World, &[], "arena.robot_errors.tool_position_m=0.01"),
     (World, &[], "arena.robot_errors.tool_rotation_deg=1.0"),
     (World, &[], "arena.robot_controller.stamp_error_s=0.001"),
