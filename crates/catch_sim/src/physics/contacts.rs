@@ -172,7 +172,7 @@ impl Unilateral {
     /// Applies the impulse after the move, without the velocities at which a gap closed or springs separated
     /// hard bodies.
     fn relax(&mut self, velocities: &mut Velocities, step_s: f64) -> f64 {
-        // A gap that stayed open is closed in the next step, by all of the impulse that restitution multiplies.
+        // A gap that stayed open closes in a later step, by the whole impulse that restitution multiplies.
         let is_open = self.gap_m > 0.0 && self.impulse_ns == 0.0;
         if is_open || self.is_soft && !self.meets {
             return 0.0;
