@@ -1,6 +1,6 @@
 //! Fine alignment: robust Gauss–Newton on inverse depths and silhouettes of all cameras together.
 
-use catch_body::{Gripper, Robot, statistics::median_in_place};
+use catch_body::{Gripper, Robot, ray_cast::SurfacePart, statistics::median_in_place};
 use catch_cell::CameraModel;
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -256,7 +256,10 @@ impl State<'_> {
                 }
                 let robust = (HUBER_SD * sd / size).min(1.0);
                 posed.row(&mut row, it, &state, offset_sd, config);
-                equations.add(&row, residual, it.weight * robust / (sd * sd * correlated));
+                // What stands still is seen in all images with the same errors, of its model and of its edges'
+                // place between the pixels.
+                let repeated = if it.part == SurfacePart::Link(0) { images.len() as f64 } else { 1.0 };
+                equations.add(&row, residual, it.weight * robust / (sd * sd * correlated * repeated));
                 if pass == Pass::Correlating && i % CORRELATED_IMAGES == 0 {
                     residuals.push((*it, residual));
                 }
