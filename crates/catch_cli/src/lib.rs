@@ -38,7 +38,6 @@ mod replay;
 mod robot;
 mod screen;
 mod study;
-mod suite;
 mod view;
 
 use std::{io, path::PathBuf, process::ExitCode, sync::LazyLock};
@@ -87,8 +86,6 @@ enum Command {
     Eval(Box<eval::EvalArguments>),
     /// Many throws in one life: the arm catches, holds, puts down and returns until the next throw
     Play(Box<play::PlayArguments>),
-    /// Frozen benchmarks: the same throws for everybody
-    Suite(suite::SuiteArguments),
     /// Parts of an evaluation become one
     Merge(merge::MergeArguments),
     /// Lists what is built in: scenarios, objects, throws, robots, grippers, workcells, camera rigs and
@@ -253,7 +250,6 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
             None => eval::run(&eval),
         },
         Some(Command::Play(play)) => play::run(&play),
-        Some(Command::Suite(suite)) => suite::run(&suite),
         Some(Command::Merge(merge)) => merge::run(&merge),
         Some(Command::List(list)) => list::run(&list),
         Some(Command::Plan(plan)) => plan::run(&plan),

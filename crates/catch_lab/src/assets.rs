@@ -150,11 +150,6 @@ impl Asset {
         if kind.names().contains(&name) {
             return Self::built_in(kind, name);
         }
-        if kind == Kind::Scenario
-            && let Some(scenario) = Self::of_suite(name)
-        {
-            return Ok(scenario);
-        }
         let path = match asked_by {
             Origin::Disk(folder) => folder.join(name),
             Origin::BuiltIn(_) => PathBuf::from(name),
@@ -216,14 +211,6 @@ impl Asset {
             text.ok_or_else(|| InputError::new(&file, "the file", "nothing", "a built-in text file"))?.to_owned();
         let origin = Origin::BuiltIn(path.parent().map(Path::to_path_buf).unwrap_or_default());
         Ok(Self { name: name.to_owned(), file, text, origin })
-    }
-
-    /// The scenario of a suite, which is called `SUITE/SCENARIO`.
-    fn of_suite(name: &str) -> Option<Self> {
-        let path = PathBuf::from(format!("suites/{name}.toml"));
-        let text = BUILT_IN.get_file(&path)?.contents_utf8()?.to_owned();
-        let origin = Origin::BuiltIn(path.parent()?.to_path_buf());
-        Some(Self { name: name.replace('/', "-"), file: path.display().to_string(), text, origin })
     }
 
     /// Reads a file that describes a thing of this kind.

@@ -49,7 +49,6 @@
 //! | [`recording`] | a throw on disk with its truth: story, replay, what is measured with it |
 //! | [`evaluation`] | many trials: rows on disk, statistics, tables |
 //! | [`study`] | evaluations of many variants of a scenario |
-//! | [`suite`] | frozen benchmarks |
 //! | [`play`] | many throws in one life |
 //! | [`scenario::setup::calibration`] | where cameras stand, from what they see of the arm |
 //! | [`camera_placement`] | where cameras tell most about throws |
@@ -79,7 +78,6 @@ pub mod recording;
 pub mod referee;
 pub mod scenario;
 pub mod study;
-pub mod suite;
 
 pub mod trial;
 

@@ -27,7 +27,6 @@ mod setup;
 mod steered_arena;
 mod stepping;
 mod study;
-mod suite;
 mod trial;
 
 use pyo3::prelude::*;
@@ -55,7 +54,6 @@ mod _catchingbot {
         steered_arena::SteeredArena,
         stepping::Arena,
         study::{study_setup, study_steps},
-        suite::suite_file,
         trial::{Trial, trial_from},
     };
     use pyo3::prelude::*;

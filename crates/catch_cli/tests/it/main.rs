@@ -25,7 +25,6 @@ mod recording;
 mod reference;
 mod refusals;
 mod robot_import;
-mod suite_table;
 mod system_limits;
 mod texts_of_others;
 mod views;

@@ -99,7 +99,6 @@ fn a_bad_place_is_wrong_input_whoever_writes_there() {
         &["catch", "--out", &within("")][..],
         &["catch", "--scenario", "paper", "--out", taken],
         &["eval", "--trials", "1", "--out", &within("e")],
-        &["suite", "run", "catch-2026.2", "--trials", "1", "--out", &within("s")],
         &["export", "--trials", "1", "--lerobot", &within("l")],
         &["export", "--mjcf", &within("m")],
         &["play", "--throws", "1", "--html", &within("p.html")],

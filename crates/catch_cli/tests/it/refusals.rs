@@ -98,7 +98,6 @@ fn every_command_fails_in_the_same_shape() {
         ("catch", &["--object", "nope"][..], "--object"),
         ("eval", &["--study", "nope"], "--study"),
         ("play", &["--scenario", "nope"], "--scenario"),
-        ("suite run", &["nope"], "NAME"),
         ("merge", &["no", "nor"], "the file"),
         ("list", &["--show", "nope"], "--show"),
         ("plan", &["--cases", "no.json"], "the file"),

@@ -38,13 +38,7 @@ from catchingbot._catchingbot import (
     predict,
     register,
 )
-from catchingbot.benchmark import Suite, SuiteResult
 from catchingbot.table import Table
-
-
-def suite(name: str) -> Suite:
-    """The frozen benchmark of this name."""
-    return Suite(name)
 
 
 __all__ = [
@@ -72,8 +66,6 @@ __all__ = [
     "Setup",
     "Situation",
     "SteeredArena",
-    "Suite",
-    "SuiteResult",
     "Table",
     "Trajectory",
     "Trial",
@@ -81,5 +73,4 @@ __all__ = [
     "judge",
     "predict",
     "register",
-    "suite",
 ]

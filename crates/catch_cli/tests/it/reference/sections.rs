@@ -130,8 +130,6 @@ pub const FILES: &[Section] = &[
     of("Study: combine", "catch_lab/src/study.rs", "Combine"),
     of("Study: overlay", "catch_lab/src/study.rs", "Overlay"),
     of("Study: throw_grid", "catch_lab/src/study/throw_grid.rs", "ThrowGrid"),
-    of("Suite", "catch_lab/src/suite.rs", "SuiteFile"),
-    of("Suite: part", "catch_lab/src/suite.rs", "SuitePart"),
     of("Learned flights", "catch_lab/src/flights/flight_prior.rs", "FlightPrior"),
 ];
 
