@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use super::{measured, values};
 use crate::Options;
 
-/// Spans of the splines, as the brain has them.
+/// Spans of the splines, of equal length as a peer's; the acceleration at the start is free as theirs is.
 const SPANS: [f64; 10] = [1.0; 10];
 /// Times at which a motion is compared with limits.
 const SAMPLES: usize = 200;
@@ -27,7 +27,7 @@ const SAMPLES: usize = 200;
 pub fn problems(options: &Options, _: &Path) -> Result<Value> {
     let setup = Setup::load(&Choice { scenario: Some("honest"), ..Choice::default() })?;
     let robot = &setup.robot;
-    let splines = CatchSplines::new(&SPANS, true);
+    let splines = CatchSplines::new(&SPANS, false);
     let plans = (0..).filter_map(|index| first_plan(&setup, options.seed, index)).take(options.trials as usize);
     let cases = plans.map(|plan| case(robot, &splines, &plan));
     let limit =
