@@ -20,10 +20,7 @@ const TRIALS: u64 = 5;
 /// Whole trials, arena and brain, by scenario and by the method of the brain.
 pub fn table(options: &Options) -> Result<Table> {
     let columns = ["scenario", "method", "trials", "preparation, s", "trial, median s", "trial, max s"];
-    let mut table = Table::new(
-        "Whole trials: arena, images and brain (the as-published scenario is the paper's method and world, rebuilt here)",
-        &columns,
-    );
+    let mut table = Table::new("Whole trials: arena, images and brain", &columns);
     for (scenario, method) in [("as-published", "paper"), ("paper", "paper"), ("paper", "ours"), ("honest", "ours")] {
         let settings = [format!("brain.method=\"{method}\"")];
         let setup = Setup::load(&Choice { scenario: Some(scenario), settings: &settings, ..Choice::default() })?;
