@@ -28,20 +28,19 @@ use crate::{Findings, Options, results::Table, stage_times::cpu_ms};
 
 const LEGEND: &str = "`benches/peers/run` makes the environment of Python and calls the command. Everything runs in one thread on one core. \
 Times are CPU times, the least of five repetitions, so that other programs disturb little. Where problems are timed one by one, the table has the median and the most of these least times. \
-What is prepared once is not counted: distance fields of ours, search trees and normals of peers, and Drake's program before its solver is called. \
-No method is the best in every column.
+What is prepared once is not counted: distance fields of ours, search trees and normals of peers, and Drake's program before its solver is called.
 
 * **Dynamics.** Peers are called from Python. *Batch* is a loop inside the library. Of *calls*, the same calls on a model without joints are subtracted, which are their overhead. \
 Pinocchio and Drake compute forward dynamics by the articulated-body algorithm, ours by the factors of a mass matrix that is made of eight inverse dynamics. \
 Ours is for one serial arm, with vectors of fixed size. Peers serve any tree of bodies, and Drake's plants keep caches.
 * **Depth images.** Our renderer casts rays only where bodies may be, MuJoCo's one for each pixel. Ours has 48 flat strips around a capsule, which are up to 0.17 mm short. MuJoCo's capsules are round. \
 MuJoCo can also render with a graphics card, which is not measured.
-* **Physics.** The arm is held in its posture in both. Ours has a controller of computed torque, a gripper's drive and a record of true states at each step. MuJoCo has springs that Python sets at each millisecond of the arena. \
+* **Physics.** The arm is held in its posture in both. The arena has steps of 1 ms, and four parts of them where something moves against something. The exported scene asks MuJoCo for shorter ones, for stiff contacts. Ours has a controller of computed torque, a gripper's drive and a record of true states at each step. MuJoCo has springs that Python sets at each millisecond of the arena. \
 Its Runge–Kutta steps follow the flight best; its Euler steps cost less.
 * **Motions.** Position, velocity and time are given at both ends, the acceleration there is free. Limits are those of position, velocity and acceleration. Ours and Drake's are cubic splines of equally many control points with least ∫ acceleration². \
 Ours knows that joints are independent once the time is given, and solves seven small quadratic programs. Drake's program may also free the duration and couple joints, and so is not one. \
 Ruckig's profiles are in closed form and keep the shortest time, which ours do not seek. Their acceleration jumps, and position limits are not part of the problem.
-* **Clouds.** Ours follows the distance field of the object, which is prepared once for each object. From far starts it converges to wrong poses of the banana more often than peers; the brain tries many orientations there. Peers search corresponding points in every step. Their settings are their own, but for 50 steps at most and a distance of 30 mm. \
+* **Clouds.** Ours follows the distance field of the object, which is prepared once for each object. From far starts it converges to wrong poses of the banana more often than point to plane; the brain tries many orientations there. Peers search corresponding points in every step. Their settings are their own, but for 50 steps at most and a distance of 30 mm. \
 The error is the mean distance of the whole surface from itself at the true pose, so that symmetries do not count.
 * **Inverse kinematics.** Ours is in closed form for arms of this kind, and finds all arcs of postures. Optik serves any chain. The loop with Pinocchio is in Python, whose overhead is most of its time, and has ten starts at most.
 * **Trials.** The authors' own code is not run by this command; its method and its world are rebuilt in the scenario `as-published`.
