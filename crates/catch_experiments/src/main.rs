@@ -17,6 +17,7 @@ mod logistic_regression;
 mod mistold;
 mod near_rates;
 mod objects;
+mod peers;
 mod pushed_cameras;
 mod rates;
 mod recorded_throws;
@@ -178,6 +179,12 @@ const EXPERIMENTS: &[Experiment] = &[
         run: mistold::honest,
     },
     Experiment { name: "mistold-lab", about: "the same in the scenario lab", trials: 60, run: mistold::lab },
+    Experiment {
+        name: "peers",
+        about: "other libraries at the same work, which benches/peers/run installs",
+        trials: 50,
+        run: peers::run,
+    },
     Experiment {
         name: "grasp-weights",
         about: "weights of the grasp choice, fitted on objects that are in no other experiment",

@@ -10,12 +10,12 @@ use std::{
 
 use anyhow::{Context, Result};
 use catch_lab::VERSION;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::{Findings, Options};
 
 /// A table; its first columns say what the condition is.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Table {
     /// Title of the table.
     pub title: String,
@@ -26,7 +26,7 @@ pub struct Table {
 }
 
 /// Entry of a table.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Entry {
     /// A word.

@@ -59,6 +59,7 @@ const CRATES: &[(&str, &[&str])] = &[
             "catch_sim",
             "catch_lab",
             "catch_import",
+            "catch_view",
         ],
     ),
 ];

@@ -1,0 +1,150 @@
+//! Other libraries at the work that the brain and the arena do, on the same problems, in one run on one core.
+//!
+//! Each row makes problems, solves them here, and writes both as JSON to a folder. A script of
+//! `benches/peers` of the same name solves them with the peers and adds its tables.
+
+mod clouds;
+mod depths;
+mod dynamics;
+mod growth;
+mod motions;
+mod physics;
+mod postures;
+mod trials;
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyhow::{Context, Result, bail};
+use catch_body::{JointVector, Pose, Robot, robot::Joint};
+use catch_lab::planner_cases;
+use catch_sim::random_streams::Draws;
+use serde_json::Value;
+
+use crate::{Findings, Options, results::Table, stage_times::cpu_ms};
+
+const LEGEND: &str = "`benches/peers/run` makes the environment of Python and calls the command. Everything runs in one thread on one core. \
+Times are CPU times, the least of five repetitions, so that other programs disturb little. Where problems are timed one by one, the table has the median and the most of these least times. \
+What is prepared once is not counted: distance fields of ours, search trees and normals of peers, and Drake's program before its solver is called.
+
+* **Dynamics.** Peers are called from Python. *Batch* is a loop inside the library. Of *calls*, the same calls on a model without joints are subtracted, which are their overhead. \
+Pinocchio and Drake compute forward dynamics by the articulated-body algorithm, ours by the factors of a mass matrix that is made of eight inverse dynamics. \
+Ours is for one serial arm, with vectors of fixed size. Peers serve any tree of bodies, and Drake's plants keep caches.
+* **Depth images.** Our renderer casts rays only where bodies may be, MuJoCo's one for each pixel. Ours has 48 flat strips around a capsule, which are up to 0.17 mm short. MuJoCo's capsules are round. \
+MuJoCo can also render with a graphics card, which is not measured.
+* **Physics.** The arm is held in its posture in both. The arena has steps of 1 ms, and four parts of them where something moves against something. The exported scene asks MuJoCo for shorter ones, for stiff contacts. Ours has a controller of computed torque, a gripper's drive and a record of true states at each step. MuJoCo has springs that Python sets at each millisecond of the arena. \
+Its Runge–Kutta steps follow the flight best; its Euler steps cost less.
+* **Motions.** Position, velocity and time are given at both ends, the acceleration there is free. Limits are those of position, velocity and acceleration. Ours and Drake's are cubic splines of equally many control points with least ∫ acceleration². \
+Ours knows that joints are independent once the time is given, and solves seven small quadratic programs. Drake's program may also free the duration and couple joints, and so is not one. \
+Ruckig's profiles are in closed form and keep the shortest time, which ours do not seek. Their acceleration jumps, and position limits are not part of the problem.
+* **Clouds.** Ours follows the distance field of the object, which is prepared once for each object. From far starts it converges to wrong poses of the banana more often than point to plane; the brain tries many orientations there. Peers search corresponding points in every step. Their settings are their own, but for 50 steps at most and a distance of 30 mm. \
+The error is the mean distance of the whole surface from itself at the true pose, so that symmetries do not count.
+* **Inverse kinematics.** Ours is in closed form for arms of this kind, and finds all arcs of postures. Optik serves any chain. The loop with Pinocchio is in Python, whose overhead is most of its time, and has ten starts at most.
+* **Trials.** The authors' own code is not run by this command; its method and its world are rebuilt in the scenario `as-published`.
+* **Growth.** Ticks are those of the first 200 ms of a throw, each timed once. Images are whole until the object is found, then windows around it.";
+
+/// Rows of the page: the name of the script, and what writes its problems.
+type Row = (&'static str, fn(&Options, &Path) -> Result<Value>);
+
+const ROWS: [Row; 6] = [
+    ("dynamics", dynamics::problems),
+    ("depths", depths::problems),
+    ("physics", physics::problems),
+    ("motions", motions::problems),
+    ("clouds", clouds::problems),
+    ("postures", postures::problems),
+];
+
+/// Folder of the problems, and of the environment of Python.
+const FOLDER: &str = "target/peers";
+/// Repetitions of each measurement, of which the fastest counts.
+const REPETITIONS: usize = 5;
+
+/// Measures us and the peers.
+pub fn run(options: &Options) -> Result<Findings> {
+    let folder = Path::new(FOLDER);
+    fs::create_dir_all(folder)?;
+    let mut tables = Vec::new();
+    for (name, problems) in ROWS {
+        let file = folder.join(name).with_extension("json");
+        let document = problems(options, folder).with_context(|| format!("problems of {name}"))?;
+        fs::write(&file, serde_json::to_string(&document)?)?;
+        tables.extend(of_peers(name, &file)?);
+    }
+    tables.push(trials::table(options)?);
+    tables.push(growth::table(options)?);
+    tables.extend(of_peers("versions", folder)?);
+    Ok(Findings { legend: LEGEND, tables })
+}
+
+/// Tables that a script makes of its problems.
+fn of_peers(name: &str, problems: &Path) -> Result<Vec<Table>> {
+    let tables = Path::new(FOLDER).join(format!("{name}.tables.json"));
+    let script = PathBuf::from("benches/peers").join(name).with_extension("py");
+    let python = Path::new(FOLDER).join("venv/bin/python");
+    let status = Command::new(&python).arg(&script).args([problems, &tables]).status();
+    let status = status.with_context(|| format!("{}: benches/peers/run makes it", python.display()))?;
+    if !status.success() {
+        bail!("{} failed", script.display());
+    }
+    Ok(serde_json::from_str(&fs::read_to_string(&tables)?)?)
+}
+
+/// Returns the result of some work, and its least CPU time in seconds.
+fn measured<T>(mut work: impl FnMut() -> T) -> (T, f64) {
+    let mut once = || {
+        let before_ms = cpu_ms();
+        let result = work();
+        (result, (cpu_ms() - before_ms) * 1e-3)
+    };
+    let least_s = (1..REPETITIONS).map(|_| once().1).fold(f64::INFINITY, f64::min);
+    let (result, last_s) = once();
+    (result, least_s.min(last_s))
+}
+
+/// The arm of the default scenario, without a gripper on it.
+fn arm() -> Result<Robot> {
+    Ok(planner_cases::arm(None, ("experiment", "robot"))?.0)
+}
+
+/// Joint positions within the limits.
+fn any_posture(robot: &Robot, draws: &mut Draws) -> JointVector {
+    drawn(robot, draws, |joint| [joint.limits.lower, joint.limits.upper])
+}
+
+/// A value for each joint between two bounds.
+fn drawn(robot: &Robot, draws: &mut Draws, bounds: impl Fn(&Joint) -> [f64; 2]) -> JointVector {
+    let mut values = JointVector::zeros();
+    for (value, joint) in values.iter_mut().zip(&robot.joints) {
+        *value = draws.between(bounds(joint));
+    }
+    values
+}
+
+/// Values of the joints that the arm has.
+fn values(robot: &Robot, q: &JointVector) -> Vec<f64> {
+    q.as_slice()[..robot.dof()].to_vec()
+}
+
+/// Rows of a pose's matrix.
+fn rows(pose: &Pose) -> [[f64; 4]; 4] {
+    let matrix = pose.to_homogeneous();
+    std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::Entry;
+
+    #[test]
+    fn tables_of_scripts_have_words_counts_and_numbers() {
+        let text = r#"[{"title": "T", "columns": ["a", "b", "c", "d"], "rows": [["x", 3, 0.5, null]]}]"#;
+        let tables: Vec<Table> = serde_json::from_str(text).unwrap();
+        let expected = [Entry::text("x"), Entry::Count(3), Entry::Number(Some(0.5)), Entry::Number(None)];
+        assert_eq!(tables[0].rows, [expected]);
+    }
+}
