@@ -1,0 +1,282 @@
+//! Set-points at 1 kHz: by the plan, back to it after lost packets, and to a stop.
+//!
+//! A controller that misses an answer keeps the acceleration and integrates. It differences the set-points
+//! that it executes: their second and third differences must stay within the limits of acceleration and
+//! jerk. A set-point that jumps from the extrapolation back to the plan breaks them. So the deviation decays
+//! by a polynomial, as fast as the limits allow.
+
+use catch_body::{JointVector, Robot};
+use catch_cell::{ArmTrajectory, Executor, ExecutorConfig, LimitCheck};
+
+/// Duration of a cycle in seconds.
+pub const CYCLE_S: f64 = 1e-3;
+/// Fraction of the limits that a way back to the plan may use: echoes are of single precision, which makes
+/// up to 300 rad/s³ of jerk.
+const REJOIN_RATIO: f64 = 0.94;
+/// Fraction of the limits that braking uses.
+const BRAKE_RATIO: f64 = 0.9;
+/// Rate of the last decay of the velocity while braking, in 1/s.
+const BRAKE_RATE: f64 = 100.0;
+/// Numbers of cycles that a way back may take.
+const REJOIN_CYCLES: [usize; 14] = [1, 2, 3, 4, 5, 6, 8, 10, 13, 18, 25, 35, 50, 70];
+/// Deviations from the plan in radians that need no way back: rounding.
+const ROUNDING_RAD: f64 = 1e-12;
+/// Rounding of an echo to single precision, in radians.
+const ECHO_ROUNDING_RAD: f64 = 2.5e-7;
+/// An echo that is further from all that can have been executed, in radians, is believed itself.
+const ECHO_RAD: f64 = 1e-5;
+/// Velocity in rad/s and acceleration in rad/s² below which a joint stands.
+const AT_REST: [f64; 2] = [1e-5, 2e-3];
+
+/// The last three set-points that the controller executed, the newest first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Executed([JointVector; 3]);
+
+impl Executed {
+    /// An arm that is held at `q`.
+    pub fn at_rest(q: JointVector) -> Self {
+        Self([q; 3])
+    }
+
+    /// Set-point that the controller executes without an answer: constant acceleration.
+    pub fn extrapolated(&self) -> JointVector {
+        let [q, before, earlier] = self.0;
+        (q - before) * 3.0 + earlier
+    }
+
+    /// The set-points one cycle later.
+    #[must_use]
+    pub fn then(&self, q: JointVector) -> Self {
+        Self([q, self.0[0], self.0[1]])
+    }
+
+    /// The newest set-point.
+    pub fn q(&self) -> JointVector {
+        self.0[0]
+    }
+
+    /// Velocity by the last difference, in rad/s.
+    pub fn dq(&self) -> JointVector {
+        (self.0[0] - self.0[1]) / CYCLE_S
+    }
+
+    /// Acceleration by the last two differences, in rad/s².
+    pub fn ddq(&self) -> JointVector {
+        (self.0[0] - self.0[1] * 2.0 + self.0[2]) / (CYCLE_S * CYCLE_S)
+    }
+
+    /// Returns whether the arm stands.
+    pub fn is_at_rest(&self) -> bool {
+        self.dq().amax() < AT_REST[0] && self.ddq().amax() < AT_REST[1]
+    }
+
+    /// The highest ratio of velocity, acceleration and jerk to the limits if `q` is executed next.
+    fn ratio(&self, q: &JointVector, robot: &Robot) -> f64 {
+        let next = self.then(*q);
+        let (dq, ddq) = (next.dq(), next.ddq());
+        let jerk = (ddq - self.ddq()) / CYCLE_S;
+        let of_joint = |i: usize| {
+            let joint = &robot.joints[i];
+            let of_jerk = joint.limits.jerk.map_or(0.0, |most| jerk[i].abs() / most);
+            let of_velocity = dq[i].abs() / joint.max_speed(q[i], dq[i]);
+            of_velocity.max(ddq[i].abs() / joint.limits.acceleration).max(of_jerk)
+        };
+        (0..robot.dof()).map(of_joint).fold(0.0, f64::max)
+    }
+}
+
+/// Set-point of the next cycle, and the number of cycles until the plan is met again.
+///
+/// `plan` gives the plan's set-point so many cycles after the newest of `executed`. The deviation e from it
+/// decays by the polynomial of fifth degree through the last three deviations and three zeros, N, N + 1 and N
+/// + 2 cycles ahead, with the least N that keeps the set-points within the limits of `robot`.
+pub fn rejoin(executed: &Executed, plan: impl Fn(i32) -> JointVector, robot: &Robot) -> (JointVector, usize) {
+    let deviations = [0, 1, 2].map(|i| executed.0[i as usize] - plan(-i));
+    if deviations.iter().all(|it| it.amax() < ROUNDING_RAD) {
+        return (plan(1), 0);
+    }
+    let mut ahead = Vec::with_capacity(REJOIN_CYCLES[REJOIN_CYCLES.len() - 1] + 2);
+    let mut best = (f64::INFINITY, plan(1), 1);
+    for cycles in REJOIN_CYCLES {
+        while ahead.len() < cycles + 2 {
+            ahead.push(plan(ahead.len() as i32 + 1));
+        }
+        let decay = Decay::new(&deviations, cycles);
+        let (mut moved, mut ratio, mut first) = (*executed, 0.0_f64, ahead[0]);
+        for (x, on_plan) in (1..).zip(&ahead) {
+            let q = on_plan + decay.at(x);
+            if x == 1 {
+                first = q;
+            }
+            ratio = ratio.max(moved.ratio(&q, robot));
+            moved = moved.then(q);
+        }
+        if ratio < best.0 {
+            best = (ratio, first, cycles);
+        }
+        if ratio <= REJOIN_RATIO {
+            break;
+        }
+    }
+    (best.1, best.2)
+}
+
+/// Decay of a deviation: e(x) = w(x)·L(x), w(x) = (N − x)(N + 1 − x)(N + 2 − x), L the parabola through the
+/// last three values of e/w.
+struct Decay {
+    cycles: f64,
+    scaled: [JointVector; 3],
+}
+
+impl Decay {
+    fn new(deviations: &[JointVector; 3], cycles: usize) -> Self {
+        let cycles = cycles as f64;
+        let scaled = [0, 1, 2].map(|i| deviations[i] / Self::weight(cycles, -(i as f64)));
+        Self { cycles, scaled }
+    }
+
+    fn weight(cycles: f64, x: f64) -> f64 {
+        (cycles - x) * (cycles + 1.0 - x) * (cycles + 2.0 - x)
+    }
+
+    fn at(&self, x: i32) -> JointVector {
+        let x = f64::from(x);
+        if x >= self.cycles {
+            return JointVector::zeros();
+        }
+        let [newest, before, earlier] = self.scaled;
+        let parabola =
+            newest * ((x + 1.0) * (x + 2.0) / 2.0) - before * (x * (x + 2.0)) + earlier * (x * (x + 1.0) / 2.0);
+        parabola * Self::weight(self.cycles, x)
+    }
+}
+
+/// Set-point of the next cycle on the way to a stop within the limits of `robot`, joint by joint: the
+/// velocity decays as a critically damped oscillator's, its acceleration and jerk cut.
+pub fn brake(executed: &Executed, robot: &Robot) -> JointVector {
+    if executed.is_at_rest() {
+        return executed.q();
+    }
+    let (dq, ddq) = (executed.dq(), executed.ddq());
+    let mut q = executed.q();
+    for (i, joint) in robot.joints.iter().enumerate() {
+        let most = joint.limits.acceleration * BRAKE_RATIO;
+        let change = joint.limits.jerk.unwrap_or(f64::INFINITY) * BRAKE_RATIO * CYCLE_S;
+        let jerk = -BRAKE_RATE * (BRAKE_RATE * dq[i] + 2.0 * ddq[i]);
+        let wanted = (ddq[i] + jerk * CYCLE_S).clamp(-most, most);
+        let ddq = wanted.clamp(ddq[i] - change, ddq[i] + change);
+        q[i] += (dq[i] + ddq * CYCLE_S) * CYCLE_S;
+    }
+    q
+}
+
+/// What the robot reports at the start of a cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sensed {
+    /// The robot's clock in milliseconds.
+    pub time_ms: u64,
+    /// Set-point that it executed last.
+    pub echo: JointVector,
+}
+
+/// The answer of one cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Answer {
+    /// Set-point to send.
+    pub q: JointVector,
+    /// Answers that did not arrive since the last cycle.
+    pub lost: u64,
+    /// Cycles until the plan is met again: zero on the plan.
+    pub rejoin_cycles: usize,
+    /// True once the arm has braked to rest.
+    pub has_stopped: bool,
+}
+
+/// The set-points of one motion, cycle by cycle.
+#[derive(Debug, Clone)]
+pub struct Cycle {
+    /// The arm with its maker's limits.
+    robot: Robot,
+    plans: Executor,
+    executed: Executed,
+    sent: JointVector,
+    origin_ms: u64,
+    last_ms: u64,
+    is_braking: bool,
+}
+
+impl Cycle {
+    /// Holds the arm where its first state says. `origin_ms` is the robot's time at zero of the cell's clock.
+    pub fn new(robot: Robot, first: &Sensed, origin_ms: u64) -> Self {
+        // Whoever hands over a plan has checked it, and a splice that arrives late is joined like a loss.
+        let unchecked = ExecutorConfig {
+            continuous_start: false,
+            continuous_inside: false,
+            ends_at_rest: false,
+            limit_check: LimitCheck::Off,
+        };
+        let plans = Executor::new(robot.clone(), first.echo, unchecked);
+        let (executed, sent) = (Executed::at_rest(first.echo), first.echo);
+        Self { robot, plans, executed, sent, origin_ms, last_ms: first.time_ms, is_braking: false }
+    }
+
+    /// Takes a plan that an [`Executor`] with checks has accepted.
+    pub fn take(&mut self, plan: &ArmTrajectory) {
+        // It can only be refused for a number that a checked plan has not.
+        let _ = self.plans.receive(plan, plan.start_s());
+    }
+
+    /// From now on the arm brakes to rest.
+    pub fn stop(&mut self) {
+        self.is_braking = true;
+    }
+
+    /// Time of a state on the cell's clock.
+    pub fn time_s(&self, time_ms: u64) -> f64 {
+        time_ms.saturating_sub(self.origin_ms) as f64 * CYCLE_S
+    }
+
+    /// The set-points that the controller executed.
+    pub fn executed(&self) -> &Executed {
+        &self.executed
+    }
+
+    /// Answers a state.
+    pub fn answer(&mut self, sensed: &Sensed) -> Answer {
+        let cycles = sensed.time_ms.saturating_sub(self.last_ms).max(1);
+        let lost = self.follow_echo(&sensed.echo, cycles);
+        self.last_ms = sensed.time_ms;
+        let time_s = self.time_s(sensed.time_ms);
+        self.plans.advance(time_s - 3.0 * CYCLE_S);
+        let (q, rejoin_cycles) = if self.is_braking {
+            (brake(&self.executed, &self.robot), 0)
+        } else {
+            rejoin(&self.executed, |ahead| self.plans.setpoint(time_s + f64::from(ahead) * CYCLE_S).q, &self.robot)
+        };
+        self.sent = q;
+        Answer { q, lost, rejoin_cycles, has_stopped: self.is_braking && self.executed.is_at_rest() }
+    }
+
+    /// Works out what was executed since the last state: the answer to it, or without one an extrapolation,
+    /// and extrapolations in the cycles whose states did not arrive. Returns the number of lost answers.
+    fn follow_echo(&mut self, echo: &JointVector, cycles: u64) -> u64 {
+        // Beyond 20 lost answers the controller stops by itself.
+        let missed = cycles.min(20) - 1;
+        let extrapolated = |from: Executed, times: u64| (0..times).fold(from, |it, _| it.then(it.extrapolated()));
+        let arrived = extrapolated(self.executed.then(self.sent), missed);
+        let lost = extrapolated(self.executed, missed + 1);
+        let distance = |it: &Executed| (it.q() - echo).amax();
+        // Where the two are as good as the same, answers arrive.
+        let has_arrived = distance(&arrived) <= ECHO_ROUNDING_RAD || distance(&arrived) <= distance(&lost);
+        let (nearest, count) = if has_arrived { (arrived, cycles - 1) } else { (lost, cycles) };
+        self.executed = if distance(&nearest) <= ECHO_RAD { nearest } else { nearest.corrected(*echo) };
+        count
+    }
+}
+
+impl Executed {
+    /// The same motion, moved to where it is known to be.
+    fn corrected(&self, q: JointVector) -> Self {
+        Self(self.0.map(|it| it + (q - self.0[0])))
+    }
+}
