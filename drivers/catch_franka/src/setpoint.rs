@@ -21,10 +21,10 @@ const BRAKE_RATE: f64 = 100.0;
 const REJOIN_CYCLES: [usize; 14] = [1, 2, 3, 4, 5, 6, 8, 10, 13, 18, 25, 35, 50, 70];
 /// Deviations from the plan in radians that need no way back: rounding.
 const ROUNDING_RAD: f64 = 1e-12;
-/// Rounding of an echo to single precision, in radians.
-const ECHO_ROUNDING_RAD: f64 = 2.5e-7;
-/// An echo that is further from all that can have been executed, in radians, is believed itself.
-const ECHO_RAD: f64 = 1e-5;
+/// Distance of an echo from what was executed in radians, beyond its rounding to single precision.
+const ECHO_RAD: f64 = 1e-11;
+/// Explanations of the echoes that are kept: two for each of the last three cycles.
+const MOST_BELIEFS: usize = 8;
 /// Velocity in rad/s and acceleration in rad/s² below which a joint stands.
 const AT_REST: [f64; 2] = [1e-5, 2e-3];
 
@@ -192,13 +192,41 @@ pub struct Answer {
     pub has_stopped: bool,
 }
 
+/// An explanation of the echoes so far.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Belief {
+    executed: Executed,
+    /// Answers that have not arrived.
+    lost: u64,
+}
+
+impl Belief {
+    /// The next cycle and `missed` more whose states did not arrive. Without an answer the controller
+    /// extrapolates.
+    fn then(&self, answer: Option<JointVector>, missed: u64) -> Self {
+        let first = self.executed.then(answer.unwrap_or_else(|| self.executed.extrapolated()));
+        let executed = (0..missed).fold(first, |it, _| it.then(it.extrapolated()));
+        Self { executed, lost: self.lost + missed + u64::from(answer.is_none()) }
+    }
+
+    /// Returns whether an echo is the newest set-point, rounded to single precision.
+    fn explains(&self, echo: &JointVector) -> bool {
+        self.executed.q().iter().zip(echo).all(|(q, echo)| {
+            let rounding = f64::from((*echo as f32).abs().next_up() - (*echo as f32).abs()) / 2.0;
+            (q - echo).abs() <= rounding + ECHO_RAD
+        })
+    }
+}
+
 /// The set-points of one motion, cycle by cycle.
 #[derive(Debug, Clone)]
 pub struct Cycle {
     /// The arm with its maker's limits.
     robot: Robot,
     plans: Executor,
-    executed: Executed,
+    /// Explanations of the echoes, the likeliest first. An answer and the extrapolation that replaces it may
+    /// round to the same echo; later echoes tell.
+    beliefs: Vec<Belief>,
     sent: JointVector,
     origin_ms: u64,
     last_ms: u64,
@@ -216,8 +244,8 @@ impl Cycle {
             limit_check: LimitCheck::Off,
         };
         let plans = Executor::new(robot.clone(), first.echo, unchecked);
-        let (executed, sent) = (Executed::at_rest(first.echo), first.echo);
-        Self { robot, plans, executed, sent, origin_ms, last_ms: first.time_ms, is_braking: false }
+        let beliefs = vec![Belief { executed: Executed::at_rest(first.echo), lost: 0 }];
+        Self { robot, plans, beliefs, sent: first.echo, origin_ms, last_ms: first.time_ms, is_braking: false }
     }
 
     /// Takes a plan that an [`Executor`] with checks has accepted.
@@ -238,39 +266,50 @@ impl Cycle {
 
     /// The set-points that the controller executed.
     pub fn executed(&self) -> &Executed {
-        &self.executed
+        &self.beliefs[0].executed
     }
 
     /// Answers a state.
     pub fn answer(&mut self, sensed: &Sensed) -> Answer {
         let cycles = sensed.time_ms.saturating_sub(self.last_ms).max(1);
-        let lost = self.follow_echo(&sensed.echo, cycles);
+        let lost_before = self.beliefs[0].lost;
+        self.follow_echo(&sensed.echo, cycles);
+        let Belief { executed, lost } = self.beliefs[0];
         self.last_ms = sensed.time_ms;
         let time_s = self.time_s(sensed.time_ms);
         self.plans.advance(time_s - 3.0 * CYCLE_S);
         let (q, rejoin_cycles) = if self.is_braking {
-            (brake(&self.executed, &self.robot), 0)
+            (brake(&executed, &self.robot), 0)
         } else {
-            rejoin(&self.executed, |ahead| self.plans.setpoint(time_s + f64::from(ahead) * CYCLE_S).q, &self.robot)
+            rejoin(&executed, |ahead| self.plans.setpoint(time_s + f64::from(ahead) * CYCLE_S).q, &self.robot)
         };
         self.sent = q;
-        Answer { q, lost, rejoin_cycles, has_stopped: self.is_braking && self.executed.is_at_rest() }
+        let lost = lost.saturating_sub(lost_before);
+        Answer { q, lost, rejoin_cycles, has_stopped: self.is_braking && executed.is_at_rest() }
     }
 
-    /// Works out what was executed since the last state: the answer to it, or without one an extrapolation,
-    /// and extrapolations in the cycles whose states did not arrive. Returns the number of lost answers.
-    fn follow_echo(&mut self, echo: &JointVector, cycles: u64) -> u64 {
+    /// Works out what was executed since the last state, `cycles` ago: the answer to it, or an extrapolation,
+    /// and extrapolations in the cycles whose states did not arrive.
+    fn follow_echo(&mut self, echo: &JointVector, cycles: u64) {
         // Beyond 20 lost answers the controller stops by itself.
         let missed = cycles.min(20) - 1;
-        let extrapolated = |from: Executed, times: u64| (0..times).fold(from, |it, _| it.then(it.extrapolated()));
-        let arrived = extrapolated(self.executed.then(self.sent), missed);
-        let lost = extrapolated(self.executed, missed + 1);
-        let distance = |it: &Executed| (it.q() - echo).amax();
-        // Where the two are as good as the same, answers arrive.
-        let has_arrived = distance(&arrived) <= ECHO_ROUNDING_RAD || distance(&arrived) <= distance(&lost);
-        let (nearest, count) = if has_arrived { (arrived, cycles - 1) } else { (lost, cycles) };
-        self.executed = if distance(&nearest) <= ECHO_RAD { nearest } else { nearest.corrected(*echo) };
-        count
+        let of = |belief: &Belief| [Some(self.sent), None].map(|answer| belief.then(answer, missed));
+        let mut beliefs: Vec<Belief> = self.beliefs.iter().flat_map(of).collect();
+        beliefs.sort_by_key(|it| it.lost);
+        let nearest = beliefs.iter().min_by(|a, b| a.distance(echo).total_cmp(&b.distance(echo))).copied();
+        beliefs.retain(|it| it.explains(echo));
+        beliefs.dedup_by_key(|it| it.executed);
+        beliefs.truncate(MOST_BELIEFS);
+        if let Some(nearest) = nearest.filter(|_| beliefs.is_empty()) {
+            beliefs.push(Belief { executed: nearest.executed.corrected(*echo), ..nearest });
+        }
+        self.beliefs = beliefs;
+    }
+}
+
+impl Belief {
+    fn distance(&self, echo: &JointVector) -> f64 {
+        (self.executed.q() - echo).amax()
     }
 }
 
