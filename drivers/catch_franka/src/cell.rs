@@ -70,7 +70,8 @@ pub struct FrankaCell {
 pub struct Checker {
     executor: Executor,
     safe_box: SafeBox,
-    /// Longest run of lost answers so far.
+    /// Answers lost in a row until now, and the most so far.
+    run: u64,
     longest_run: u64,
 }
 
@@ -79,7 +80,7 @@ impl Checker {
     pub fn new(bounds: &Bounds, q: JointVector, longest_run: u64) -> Option<Self> {
         let arm = bounds.arm.clone().with_limits_scaled(&bounds.limit_scale(longest_run)?);
         let executor = Executor::new(arm, q, ExecutorConfig::default());
-        Some(Self { executor, safe_box: bounds.safe_box, longest_run })
+        Some(Self { executor, safe_box: bounds.safe_box, run: 0, longest_run })
     }
 
     /// State of an arm that is exactly where its set-point is.
@@ -88,9 +89,10 @@ impl Checker {
         self.executor.arm_state(time_s, now.q, now.dq)
     }
 
-    /// Takes notice of lost answers.
-    pub fn lost(&mut self, run: u64) {
-        self.longest_run = self.longest_run.max(run);
+    /// Takes notice of the answers that were lost in a cycle.
+    pub fn lost(&mut self, count: u64) {
+        self.run = if count > 0 { self.run + count } else { 0 };
+        self.longest_run = self.longest_run.max(self.run);
     }
 
     /// Checks a trajectory that arrives at `now_s`, against the box and the link's losses, too.
@@ -149,6 +151,9 @@ impl FrankaCell {
 
     /// Waits for a state.
     fn hear(&mut self) -> Result<(), CellFault> {
+        if self.sample.has_stopped {
+            return Err(CellFault::ProtectiveStop { cause: self.control.cause() });
+        }
         match self.control.samples.recv_timeout(WATCHDOG) {
             Ok(sample) => {
                 self.offset_s = (self.offset_s + DRIFT * (sample.time_s - self.sample.time_s))
@@ -226,5 +231,80 @@ impl Cell for FrankaCell {
             hand.receive(moves.iter().map(on_host).collect());
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use catch_body::robot_file::RobotFiles;
+    use catch_cell::LimitKind;
+
+    pub(crate) fn fr3() -> Arm {
+        let files = RobotFiles {
+            urdf_file: "robot.urdf",
+            urdf: include_str!("../../../assets/robots/fr3/robot.urdf"),
+            toml_file: "robot.toml",
+            toml: include_str!("../../../assets/robots/fr3/robot.toml"),
+        };
+        Arm::from_files(&files).unwrap()
+    }
+
+    pub(crate) fn bounds() -> Bounds {
+        let safe_box = SafeBox { low_m: [-2.0; 3], high_m: [2.0; 3] };
+        Bounds { arm: fr3(), speed_scaling: 1.0, safe_box }
+    }
+
+    fn moved(bounds: &Bounds, id: u64, fraction: f64) -> ArmTrajectory {
+        let from = bounds.arm.ready_q;
+        motion::straight(id, 0.1, [from, from + JointVector::ith(1, 0.3)], &bounds.arm, fraction)
+    }
+
+    #[test]
+    fn plans_beyond_the_margin_are_rejected() {
+        let bounds = bounds();
+        let mut checker = Checker::new(&bounds, bounds.arm.ready_q, 0).unwrap();
+        let Err(Rejection::Limit(broken)) = checker.receive(&moved(&bounds, 1, 0.9), 0.0) else { panic!("taken") };
+        assert_eq!(broken.kind, LimitKind::Acceleration);
+        assert!((broken.ratio - 0.9 / 0.85).abs() < 0.01, "{}", broken.ratio);
+        assert_eq!(checker.receive(&moved(&bounds, 2, 0.84), 0.0), Ok(()));
+    }
+
+    #[test]
+    fn a_tenth_of_the_speed_is_a_tenth_of_the_limits() {
+        let bounds = Bounds { speed_scaling: 0.1, ..bounds() };
+        let mut checker = Checker::new(&bounds, bounds.arm.ready_q, 0).unwrap();
+        assert!(matches!(checker.receive(&moved(&bounds, 1, 0.11), 0.0), Err(Rejection::Limit(_))));
+        assert_eq!(checker.receive(&moved(&bounds, 2, 0.099), 0.0), Ok(()));
+    }
+
+    #[test]
+    fn a_link_that_loses_more_than_the_margin_survives_gets_no_plan() {
+        let bounds = bounds();
+        let mut checker = Checker::new(&bounds, bounds.arm.ready_q, 0).unwrap();
+        for _ in 0..5 {
+            checker.lost(margin::LONGEST_RUN);
+            checker.lost(0);
+        }
+        assert_eq!(checker.receive(&moved(&bounds, 1, 0.3), 0.0), Ok(()));
+        (0..=margin::LONGEST_RUN).for_each(|_| checker.lost(1));
+        assert_eq!(checker.receive(&moved(&bounds, 2, 0.3), 0.0), Err(Rejection::Declined));
+        assert_eq!(bounds.limit_scale(margin::LONGEST_RUN + 1), None);
+    }
+
+    #[test]
+    fn a_plan_out_of_the_box_is_declined_and_told() {
+        let mut bounds = bounds();
+        bounds.safe_box.high_m[2] = 0.01;
+        let mut checker = Checker::new(&bounds, bounds.arm.ready_q, 0).unwrap();
+        assert_eq!(checker.receive(&moved(&bounds, 1, 0.3), 0.0), Err(Rejection::Declined));
+        assert_eq!(checker.imagined(0.0).rejected.len(), 1);
+    }
+
+    #[test]
+    fn a_plan_that_comes_too_late_for_the_handover_is_rejected() {
+        let bounds = bounds();
+        let mut checker = Checker::new(&bounds, bounds.arm.ready_q, 0).unwrap();
+        assert!(matches!(checker.receive(&moved(&bounds, 1, 0.3), 0.099), Err(Rejection::Late { .. })));
     }
 }

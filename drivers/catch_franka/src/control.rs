@@ -38,6 +38,8 @@ pub struct Sample {
     pub success_rate: f64,
     /// Time from the state to its answer in seconds.
     pub answer_s: f64,
+    /// True for the last one: the arm has braked to rest.
+    pub has_stopped: bool,
 }
 
 /// A motion under way.
@@ -120,7 +122,9 @@ fn follow(
         let answer = cycle.answer(&sensed(&state));
         let mut q = JointPositions::new(std::array::from_fn(|i| answer.q[i]));
         q.motion_finished = answer.has_stopped;
-        control.write_once(&q, None)?;
+        if !answer.has_stopped {
+            control.write_once(&q, None)?;
+        }
         // A cell that is gone needs no samples.
         let _ = samples.send(Sample {
             time_s: cycle.time_s(state.time.as_millis()),
@@ -131,9 +135,10 @@ fn follow(
             lost: answer.lost,
             success_rate: state.control_command_success_rate,
             answer_s: host_s() - heard_s,
+            has_stopped: answer.has_stopped,
         });
         if answer.has_stopped {
-            return Ok(());
+            return control.write_once(&q, None);
         }
         state = control.read_once()?.0;
     }

@@ -4,7 +4,7 @@ use std::{io, ops::ControlFlow, path::Path, sync::Arc, time::Duration};
 
 use anyhow::Context;
 use catch_body::robot::LimitScale;
-use catch_cell::{Brain, CellFault, Observation, RunError, cell_file::CellFile, run};
+use catch_cell::{Brain, CellFault, Observation, RunError, cell_file::CellFile};
 use catch_recording::{
     RecordedCell,
     brain::ChosenBrain,
@@ -127,7 +127,7 @@ where
     let began = crate::hand::host_s() as u64;
     let mut recorder = CellRecorder::create(&job.out, &format!("drive_{began}"), known.clone())?;
     let mut end_s = None;
-    let ended = run(cell, brain, |_, brain, observation, command| {
+    let ended = catch_cell::run(cell, brain, |_, brain, observation, command| {
         if let Err(fault) = recorder.tick(observation, command, Some(brain.report())) {
             return ControlFlow::Break(Err(fault));
         }
@@ -138,7 +138,7 @@ where
     });
     println!("recorded: {}", recorder.finish()?.display());
     match ended {
-        Ok(done) => Ok(done?),
+        Ok(written) => Ok(written?),
         Err(fault) => Err(Stopped::Cell(fault)),
     }
 }

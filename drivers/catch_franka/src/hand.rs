@@ -50,7 +50,10 @@ impl Hand {
             let mut queue = GripperQueue::default();
             loop {
                 match received.recv_timeout(POLL) {
-                    Ok(list) => queue.receive(&list, host_s()),
+                    Ok(list) => {
+                        let list: Vec<GripperMove> = list;
+                        queue.receive(&list, host_s());
+                    }
                     Err(RecvTimeoutError::Timeout) => {}
                     Err(RecvTimeoutError::Disconnected) => return,
                 }

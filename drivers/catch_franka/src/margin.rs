@@ -1,7 +1,7 @@
 //! The fraction of the acceleration limit that plans may use, by what the link loses.
 
 /// Longest run of lost answers that the margin was seen to survive: `losses_within_the_margin_are_survived`.
-pub const LONGEST_RUN: u64 = 8;
+pub const LONGEST_RUN: u64 = 2;
 /// Fraction of the acceleration limit with which such runs ended in no reflex.
 const WITH_LOSSES: f64 = 0.85;
 

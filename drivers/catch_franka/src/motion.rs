@@ -14,6 +14,6 @@ pub fn straight(id: u64, start_s: f64, [from, to]: [JointVector; 2], robot: &Rob
     let ratio = |kind: LimitKind| peaks.highest(kind) / fraction;
     let [velocity, acceleration, jerk] = [LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk].map(ratio);
     let hand = ratio(LimitKind::HandSpeed);
-    let duration_s = velocity.max(hand).max(acceleration.sqrt()).max(jerk.cbrt()).max(0.1);
+    let duration_s = velocity.max(hand).max(acceleration.sqrt()).max(libm::cbrt(jerk)).max(0.1);
     ArmTrajectory { id: TrajectoryId(id), spline: over(duration_s) }
 }

@@ -26,7 +26,7 @@ const ECHO_RAD: f64 = 1e-11;
 /// Explanations of the echoes that are kept: two for each of the last three cycles.
 const MOST_BELIEFS: usize = 8;
 /// Velocity in rad/s and acceleration in rad/s² below which a joint stands.
-const AT_REST: [f64; 2] = [1e-5, 2e-3];
+const AT_REST: [f64; 2] = [1e-6, 2e-3];
 
 /// The last three set-points that the controller executed, the newest first.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -317,5 +317,148 @@ impl Executed {
     /// The same motion, moved to where it is known to be.
     fn corrected(&self, q: JointVector) -> Self {
         Self(self.0.map(|it| it + (q - self.0[0])))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use catch_body::robot_file::RobotFiles;
+    use catch_cell::{BSpline, LimitKind, TrajectoryId, executor::PeakRatios};
+    use proptest::prelude::*;
+
+    fn fr3() -> Robot {
+        let files = RobotFiles {
+            urdf_file: "robot.urdf",
+            urdf: include_str!("../../../assets/robots/fr3/robot.urdf"),
+            toml_file: "robot.toml",
+            toml: include_str!("../../../assets/robots/fr3/robot.toml"),
+        };
+        Robot::from_files(&files).unwrap()
+    }
+
+    /// A plan through random points that uses `ratio` of the limits of velocity and acceleration and stays
+    /// within that of the jerk.
+    fn plan(robot: &Robot, values: &[f64], ratio: f64) -> ArmTrajectory {
+        let offset = |k: usize| {
+            let k = k.clamp(2, 7) - 2;
+            JointVector::from_fn(|i, _| if i < 7 { 0.05 * values[7 * k + i] } else { 0.0 })
+        };
+        let over = |duration_s: f64| {
+            let knots = (0..14).map(|i| 0.01 + duration_s * f64::from(i - 3).clamp(0.0, 7.0) / 7.0);
+            let control_points = (0..10).map(|k| robot.ready_q + offset(k) - offset(0)).collect();
+            BSpline { knots_s: knots.collect(), control_points }
+        };
+        let peaks = PeakRatios::of(robot, &over(1.0));
+        let of = |kind| peaks.highest(kind) / ratio;
+        let longest = of(LimitKind::Velocity).max(of(LimitKind::Acceleration).sqrt()).max(libm::cbrt(of(LimitKind::Jerk)));
+        ArmTrajectory { id: TrajectoryId(1), spline: over(longest) }
+    }
+
+    /// A controller as the makers describe it, which loses some answers: it extrapolates, and its echo is of
+    /// single precision.
+    struct Controller {
+        executed: Executed,
+        jerk: f64,
+        acceleration: f64,
+    }
+
+    impl Controller {
+        fn execute(&mut self, robot: &Robot, answer: Option<JointVector>) {
+            let q = answer.unwrap_or_else(|| self.executed.extrapolated());
+            let next = self.executed.then(q);
+            let jerks = (next.ddq() - self.executed.ddq()) / CYCLE_S;
+            for (i, joint) in robot.joints.iter().enumerate() {
+                self.jerk = self.jerk.max(jerks[i].abs() / joint.limits.jerk.unwrap());
+                self.acceleration = self.acceleration.max(next.ddq()[i].abs() / joint.limits.acceleration);
+            }
+            self.executed = next;
+        }
+
+        fn echo(&self) -> JointVector {
+            self.executed.q().map(|it| f64::from(it as f32))
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Lost answers, up to two together, break no limit, and the plan is met again.
+        #[test]
+        fn the_way_back_stays_within_the_limits(
+            values in prop::collection::vec(-1.0f64..1.0, 42),
+            first_lost in 20_u64..200,
+            every in 40_u64..90,
+            together in 1_u64..3,
+        ) {
+            let robot = fr3();
+            let plan = plan(&robot, &values, 0.5);
+            let start = Sensed { time_ms: 5000, echo: robot.ready_q.map(|it| f64::from(it as f32)) };
+            let mut cycle = Cycle::new(robot.clone(), &start, 5000);
+            let mut controller = Controller { executed: Executed::at_rest(start.echo), jerk: 0.0, acceleration: 0.0 };
+            cycle.take(&plan);
+            let end_ms = (plan.end_s() * 1e3) as u64 + 200;
+            let (mut lost, mut told) = (0, 0);
+            for k in 0..end_ms {
+                let answer = cycle.answer(&Sensed { time_ms: 5000 + k, echo: controller.echo() });
+                told += answer.lost;
+                let is_lost = k >= first_lost && (k - first_lost) % every < together;
+                lost += u64::from(is_lost);
+                controller.execute(&robot, Some(answer.q).filter(|_| !is_lost));
+            }
+            prop_assert!(controller.jerk <= 1.0 && controller.acceleration <= 1.0, "{} {}", controller.jerk, controller.acceleration);
+            prop_assert!((controller.executed.q() - plan.setpoint(1e3).q).amax() < 1e-9);
+            prop_assert!(told <= lost, "{told} of {lost} lost answers are told");
+        }
+
+        /// From any motion within the limits the arm comes to rest within them.
+        #[test]
+        fn braking_stays_within_the_limits(values in prop::collection::vec(-1.0f64..1.0, 42), at_ms in 10_u64..600) {
+            let robot = fr3();
+            let plan = plan(&robot, &values, 0.85);
+            let q = |ms: u64| plan.setpoint(ms as f64 * CYCLE_S).q;
+            let executed = Executed([q(at_ms + 2), q(at_ms + 1), q(at_ms)]);
+            let mut controller = Controller { executed, jerk: 0.0, acceleration: 0.0 };
+            for _ in 0..1000 {
+                let next = brake(&controller.executed, &robot);
+                controller.execute(&robot, Some(next));
+            }
+            prop_assert!(controller.executed.is_at_rest());
+            prop_assert!(controller.jerk <= 1.0 && controller.acceleration <= 1.0, "{} {}", controller.jerk, controller.acceleration);
+        }
+    }
+
+    /// A jump back to the plan breaks the limit of the jerk where the way back does not.
+    #[test]
+    fn a_jump_would_break_a_limit() {
+        let robot = fr3();
+        // Half a rad/s² of deviation in the acceleration, extrapolated over eight cycles.
+        let plan = |ahead: i32| robot.ready_q + JointVector::ith(0, 1e-5 * f64::from(ahead));
+        let mut executed = Executed([plan(0), plan(-1), plan(-2)]);
+        executed.0[0][0] += 4e-6;
+        for _ in 0..7 {
+            executed = executed.then(executed.extrapolated());
+        }
+        let ahead = |it: i32| plan(it + 7);
+        let (q, cycles) = rejoin(&executed, ahead, &robot);
+        assert!(executed.ratio(&ahead(1), &robot) > 1.0 && executed.ratio(&q, &robot) <= REJOIN_RATIO && cycles > 1);
+    }
+
+    /// A plan that is met costs no way back, and its set-points are the plan's.
+    #[test]
+    fn without_losses_set_points_are_those_of_the_plan() {
+        let robot = fr3();
+        let values: Vec<f64> = (0..42).map(|i| f64::from(i * 37 % 19) / 9.5 - 1.0).collect();
+        let plan = plan(&robot, &values, 0.85);
+        let start = Sensed { time_ms: 0, echo: robot.ready_q };
+        let mut cycle = Cycle::new(robot.clone(), &start, 0);
+        cycle.take(&plan);
+        let mut echo = robot.ready_q;
+        for time_ms in 0..1500 {
+            let answer = cycle.answer(&Sensed { time_ms, echo: echo.map(|it| f64::from(it as f32)) });
+            let on_plan = plan.setpoint((time_ms + 1) as f64 * CYCLE_S).q;
+            assert!((answer.q - on_plan).amax() < 1e-6 && answer.lost == 0, "{time_ms}");
+            echo = answer.q;
+        }
     }
 }

@@ -9,11 +9,16 @@ use std::{
     net::TcpListener,
     path::{Path, PathBuf},
     process::{Child, Command, Stdio},
+    sync::{Arc, mpsc},
+    thread,
+    time::{Duration, Instant},
 };
 
 use catch_body::{JointVector, Robot as Arm, robot::LimitScale};
-use catch_cell::{ArmTrajectory, Executor, ExecutorConfig};
+use catch_cell::{ArmTrajectory, Cell, CellFault, Executor, ExecutorConfig, cell_file::SafeBox};
 use catch_franka::{
+    cell::{Bounds, FrankaCell, WATCHDOG},
+    enabling_key::EnablingKey,
     margin, motion,
     setpoint::{CYCLE_S, Cycle, Sensed},
 };
@@ -185,7 +190,7 @@ impl Figures {
                 cycle.take(plan);
                 end_s = end_s.max(plan.end_s());
             }
-            let began = std::time::Instant::now();
+            let began = Instant::now();
             let answer = cycle.answer(&sensed);
             self.slowest_cycle_us = self.slowest_cycle_us.max(began.elapsed().as_secs_f64() * 1e6);
             let on_plan = checker.setpoint(time_s).q;
@@ -255,7 +260,7 @@ fn catch_motions_are_followed_without_a_reflex() {
 #[test]
 #[ignore = "needs franka-sim"]
 fn losses_within_the_margin_are_survived() {
-    for (together, every) in [(1, 101), (2, 53), (3, 53), (8, 53)] {
+    for (together, every) in [(1, 101), (2, 53)] {
         assert_eq!(margin::acceleration_ratio(together as u64), Some(0.85));
         let figures = with_losses("0.85", together, every);
         assert_eq!(figures.reflexes, 0);
@@ -269,6 +274,15 @@ fn losses_within_the_margin_are_survived() {
 fn without_a_margin_two_in_a_row_end_in_a_reflex() {
     let reflexes = ["1.0", "0.95", "0.9", "0.85"].map(|scale| with_losses(scale, 2, 53).reflexes);
     assert!(reflexes[0] > 0 && reflexes[3] == 0, "{reflexes:?}");
+}
+
+/// Longer runs than the margin is for may end in a reflex; the next throw begins after an error recovery.
+#[test]
+#[ignore = "needs franka-sim"]
+fn three_in_a_row_stop_by_the_rules_and_restart() {
+    assert_eq!(margin::acceleration_ratio(3), None);
+    let figures = with_losses("1.0", 3, 53);
+    assert!(figures.reflexes > 0 && figures.reflexes <= figures.throws);
 }
 
 /// The controller stops after twenty, and takes the next motion after an error recovery.
@@ -285,4 +299,69 @@ fn a_silent_link_ends_the_motion_and_the_next_one_begins() {
     figures.told("25 lost in a row");
     assert_eq!(figures.reflexes, 3);
     assert!(figures.lost > 0);
+}
+
+/// A cell behind a server in lock-step, its arm half a radian from the waiting pose.
+fn cell(server: &Server, arm: &Arm, key: &EnablingKey) -> Result<FrankaCell, CellFault> {
+    let safe_box = SafeBox { low_m: [-2.0; 3], high_m: [2.0; 3] };
+    let bounds = Bounds { arm: arm.clone(), speed_scaling: 0.3, safe_box };
+    let robot = server.connect();
+    let _ = robot.automatic_error_recovery();
+    FrankaCell::begin(Arc::new(robot), &bounds, key.clone(), (None, mpsc::channel().1))
+}
+
+/// The key is released in mid-motion: the arm brakes to rest, the cell says why, and the next one goes on.
+#[test]
+#[ignore = "needs franka-sim"]
+fn a_released_key_stops_the_arm_and_a_held_one_starts_it_again() {
+    let throw = &Throw::all("0.85")[0];
+    let [arm, _] = throw.arms();
+    let server = Server::start(&(throw.ready_q + JointVector::ith(0, 0.5)), &[]);
+    let key = EnablingKey::default();
+    let fault = cell(&server, &arm, &key).and_then(|mut it| it.go_to(throw.ready_q, 1)).unwrap_err();
+    assert!(fault.to_string().contains("key was released"), "nothing moves before it is held: {fault}");
+    key.set(true);
+    let mut moving = cell(&server, &arm, &key).unwrap();
+    let released = key.clone();
+    thread::spawn(move || {
+        thread::sleep(Duration::from_millis(400));
+        released.set(false);
+    });
+    let fault = moving.go_to(throw.ready_q, 1).unwrap_err();
+    assert!(matches!(&fault, CellFault::ProtectiveStop { cause } if cause.contains("key was released")), "{fault}");
+    drop(moving);
+    key.set(true);
+    let mut again = cell(&server, &arm, &key).unwrap();
+    let off = again.sense().unwrap().arm.q - throw.ready_q;
+    assert!(off.amax() > 0.01 && off.amax() < 0.5, "it stopped on its way: {off}");
+    again.go_to(throw.ready_q, 1).unwrap();
+    assert!((again.sense().unwrap().arm.q - throw.ready_q).amax() < 1e-3);
+}
+
+/// A server that is stopped or killed in mid-motion is told within the watchdog's time.
+#[test]
+#[ignore = "needs franka-sim"]
+fn a_dead_link_is_told_within_twenty_milliseconds() {
+    let throw = &Throw::all("0.85")[0];
+    let [arm, _] = throw.arms();
+    let key = EnablingKey::default();
+    key.set(true);
+    for signal in ["-STOP", "-KILL"] {
+        let server = Server::start(&(throw.ready_q + JointVector::ith(0, 0.5)), &[]);
+        let mut moving = cell(&server, &arm, &key).unwrap();
+        let pid = server.child.id().to_string();
+        let (told, when) = mpsc::channel();
+        thread::spawn(move || {
+            thread::sleep(Duration::from_millis(300));
+            assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
+            told.send(Instant::now()).unwrap();
+        });
+        let fault = moving.go_to(throw.ready_q, 1).unwrap_err();
+        let after = when.recv().unwrap().elapsed();
+        println!("{signal}: {fault}, {after:?} after the signal");
+        let expected = if signal == "-STOP" { "no state for 20 ms" } else { "" };
+        assert!(fault.to_string().contains(expected));
+        assert!(after < 2 * WATCHDOG, "{after:?}");
+        let _ = Command::new("kill").args(["-CONT", &server.child.id().to_string()]).status();
+    }
 }
