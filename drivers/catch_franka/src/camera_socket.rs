@@ -171,7 +171,8 @@ mod tests {
 
     fn image(camera: u32, number: u32, capture_s: f64, depth_mm: u16) -> Vec<u8> {
         let words = |list: &[u32]| list.iter().flat_map(|it| it.to_le_bytes()).collect::<Vec<u8>>();
-        let head = [b"CBD1".to_vec(), words(&[camera, number]), capture_s.to_le_bytes().to_vec(), words(&[4, 3, 1, 24])];
+        let head =
+            [b"CBD1".to_vec(), words(&[camera, number]), capture_s.to_le_bytes().to_vec(), words(&[4, 3, 1, 24])];
         [head.concat(), depth_mm.to_le_bytes().repeat(12)].concat()
     }
 

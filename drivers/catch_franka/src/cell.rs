@@ -156,8 +156,8 @@ impl FrankaCell {
         }
         match self.control.samples.recv_timeout(WATCHDOG) {
             Ok(sample) => {
-                self.offset_s = (self.offset_s + DRIFT * (sample.time_s - self.sample.time_s))
-                    .min(sample.heard_s - sample.time_s);
+                self.offset_s =
+                    (self.offset_s + DRIFT * (sample.time_s - self.sample.time_s)).min(sample.heard_s - sample.time_s);
                 self.checker.lost(sample.lost);
                 self.sample = sample;
                 Ok(())

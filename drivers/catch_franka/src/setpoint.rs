@@ -351,7 +351,8 @@ mod tests {
         };
         let peaks = PeakRatios::of(robot, &over(1.0));
         let of = |kind| peaks.highest(kind) / ratio;
-        let longest = of(LimitKind::Velocity).max(of(LimitKind::Acceleration).sqrt()).max(libm::cbrt(of(LimitKind::Jerk)));
+        let longest =
+            of(LimitKind::Velocity).max(of(LimitKind::Acceleration).sqrt()).max(libm::cbrt(of(LimitKind::Jerk)));
         ArmTrajectory { id: TrajectoryId(1), spline: over(longest) }
     }
 

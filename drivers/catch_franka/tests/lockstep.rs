@@ -167,7 +167,12 @@ impl Figures {
     }
 
     /// One motion: the plans as they arrive, until the last has ended.
-    fn moves(&mut self, robot: &Robot, [arm, planned]: &[Arm; 2], plans: impl Fn(JointVector) -> Vec<(f64, ArmTrajectory)>) -> Result<(), FrankaError> {
+    fn moves(
+        &mut self,
+        robot: &Robot,
+        [arm, planned]: &[Arm; 2],
+        plans: impl Fn(JointVector) -> Vec<(f64, ArmTrajectory)>,
+    ) -> Result<(), FrankaError> {
         let joints = |values: [f64; 7]| JointVector::from_fn(|i, _| values.get(i).copied().unwrap_or(0.0));
         let mut control = robot.start_joint_position_control(MoveControllerMode::JointImpedance)?;
         let (state, _) = control.read_once()?;
