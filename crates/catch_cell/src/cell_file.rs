@@ -1,4 +1,4 @@
-//! A real cell's file: the devices by which a driver reaches arm, hand and cameras, and the bounds of its motion.
+//! A real cell's file: links to arm, hand and cameras, and the bounds of the motion.
 
 use catch_body::{InputError, quantity};
 use nalgebra::Point3;

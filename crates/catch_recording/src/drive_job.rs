@@ -10,7 +10,7 @@ use std::{
 use catch_cell::cell_file::CellFile;
 use serde::{Deserialize, Serialize};
 
-use crate::recording::RecordedCell;
+use crate::{recording::RecordedCell, whole_file};
 
 /// A driver's task.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -31,7 +31,8 @@ impl DriveJob {
     /// # Errors
     /// If the file cannot be written.
     pub fn write(&self, path: &Path) -> io::Result<()> {
-        fs::write(path, rmp_serde::to_vec_named(self).map_err(io::Error::other)?)
+        let bytes = rmp_serde::to_vec_named(self).map_err(io::Error::other)?;
+        whole_file::write(path, bytes).map_err(io::Error::other)
     }
 
     /// Reads a task.

@@ -1,7 +1,7 @@
 //! Images from other processes, over a Unix socket.
 //!
-//! A sender connects and writes image after image: a header of 36 bytes, little-endian, then the pixels row by
-//! row.
+//! A sender connects and writes image after image: a header of 36 bytes, little-endian, then the pixels
+//! row by row.
 //!
 //! | bytes | content |
 //! |---|---|
@@ -127,8 +127,8 @@ fn status(last: Option<&Last>, (number, capture_s, depth_m): (u32, f64, &[f32]),
     }
 }
 
-/// Waits at `socket` for senders, each in a thread of its own. What they send wrongly is printed, and they are
-/// disconnected.
+/// Waits at `socket` for senders, each in a thread of its own. What they send wrongly is printed, and they
+/// are disconnected.
 ///
 /// # Errors
 /// If the socket cannot be made.

@@ -2,8 +2,8 @@
 //! (protocol 10) and Panda (protocol 5), with the Franka Hand.
 //!
 //! A thread of its own answers each state of the robot within its millisecond ([`control`]) by the set-point
-//! that [`setpoint::Cycle`] computes. Plans are checked in the brain's thread ([`cell`]). All times are seconds
-//! on the robot's clock since the motion began.
+//! that [`setpoint::Cycle`] computes. Plans are checked in the brain's thread ([`cell`]). All times are
+//! seconds on the robot's clock since the motion began.
 
 pub mod camera_socket;
 pub mod cell;

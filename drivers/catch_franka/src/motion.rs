@@ -1,4 +1,4 @@
-//! Motions from one pose to another that no brain plans: to the waiting pose, before a throw and after a stop.
+//! Motions from one pose to another that no brain plans: to the waiting pose, before a throw.
 
 use catch_body::{JointVector, Robot};
 use catch_cell::{ArmTrajectory, BSpline, LimitKind, TrajectoryId, executor::PeakRatios};

@@ -1,5 +1,5 @@
-//! Recorded throws through the maker's protocol: `franka-sim` in lock-step, its motion limits and communication
-//! constraints enforced. `drivers/catch_franka/test` installs it, records the throws and runs this.
+//! Recorded throws through the maker's protocol: `franka-sim` in lock-step, its motion limits and
+//! communication constraints enforced. `drivers/catch_franka/test` installs it, records the throws and runs this.
 
 #![allow(non_snake_case, missing_docs)]
 
