@@ -26,6 +26,7 @@
 pub mod arm;
 pub mod camera;
 mod cell_fault;
+pub mod cell_file;
 pub mod executor;
 pub mod gripper;
 mod knowledge;

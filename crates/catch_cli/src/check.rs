@@ -1,7 +1,7 @@
 //! `catchingbot check`: are these files right?
 
 use std::{
-    fmt,
+    fmt, fs,
     path::{Path, PathBuf},
 };
 
@@ -12,6 +12,7 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::{
+    drive,
     failure::{Failure, Fault},
     screen::{self, BAD, GOOD},
 };
@@ -19,8 +20,8 @@ use crate::{
 /// Arguments of `check`.
 #[derive(Debug, Args)]
 pub struct CheckArguments {
-    /// Scenario, robot, gripper, workcell, object, throw, rig or study files; a robot is its robot.toml or
-    /// the folder that holds it
+    /// Scenario, robot, gripper, workcell, object, throw, rig, study or cell files; a robot is its robot.toml
+    /// or the folder that holds it
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
     /// Print one JSON document
@@ -57,12 +58,23 @@ struct FileDocument<'a> {
     notes: &'a [String],
 }
 
+/// Checks a file of whatever kind. A cell's is known by its table `[arm]`.
+fn checked(file: &Path) -> Checked {
+    let text = fs::read_to_string(file).unwrap_or_default();
+    if !text.lines().any(|it| it.trim() == "[arm]") {
+        return check(file);
+    }
+    let read = drive::read(file).map(|(links, _)| format!("a cell, driven by {}", links.arm.driver));
+    let (notes, faults) = read.map_or_else(|fault| (vec![], vec![fault]), |it| (vec![it], vec![]));
+    Checked { kind: None, faults, notes }
+}
+
 /// Checks files and lists their faults.
 ///
 /// # Errors
 /// If there are any.
 pub fn run(arguments: &CheckArguments) -> anyhow::Result<()> {
-    let checked: Vec<(&PathBuf, Checked)> = arguments.files.iter().map(|file| (file, check(file))).collect();
+    let checked: Vec<(&PathBuf, Checked)> = arguments.files.iter().map(|file| (file, checked(file))).collect();
     let faults: Vec<InputError> = checked.iter().flat_map(|(_, it)| it.faults.clone()).collect();
     let error = format!("{} {} found", faults.len(), if faults.len() == 1 { "fault" } else { "faults" });
     let failure = (!faults.is_empty()).then(|| Failure::of_faults(error, faults));

@@ -73,6 +73,10 @@ pub struct EvalArguments {
     /// Go on with the results that are in the folder
     #[arg(long)]
     pub(super) resume: bool,
+    /// Runs nothing: parts of an evaluation or a study, in any order, become one [default of --out:
+    /// out/merged]
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["object", "throw", "resume", "study", "plots"])]
+    pub merge: Vec<PathBuf>,
     /// Variants of a scenario: a built-in study or a file; `ablation` removes the paper's assumptions one
     /// after the other and one at a time, from the scenario `paper` to `honest`
     #[arg(long, value_name = "NAME|FILE", conflicts_with_all = ["scenario", "method", "settings", "markdown"])]
@@ -85,7 +89,7 @@ pub struct EvalArguments {
     pub(super) json: bool,
     /// Print the table in Markdown
     #[arg(long, conflicts_with = "json")]
-    markdown: bool,
+    pub(super) markdown: bool,
 }
 
 /// The JSON document.

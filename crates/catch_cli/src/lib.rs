@@ -18,7 +18,7 @@ mod calibrate;
 mod catch;
 mod check;
 mod compare;
-mod completions;
+mod drive;
 mod eval;
 mod export;
 mod failure;
@@ -82,12 +82,10 @@ struct Arguments {
 enum Command {
     /// One throw: its story as it happens, the outcome, a recording
     Catch(Box<catch::CatchArguments>),
-    /// Many throws: a table, and a row per trial on disk
+    /// Many throws: a table, and a row per trial on disk; or parts of an evaluation become one
     Eval(Box<eval::EvalArguments>),
     /// Many throws in one life: the arm catches, holds, puts down and returns until the next throw
     Play(Box<play::PlayArguments>),
-    /// Parts of an evaluation become one
-    Merge(merge::MergeArguments),
     /// Lists what is built in: scenarios, objects, throws, robots, grippers, workcells, camera rigs and
     /// studies
     List(list::ListArguments),
@@ -119,12 +117,14 @@ enum Command {
     /// Measures the delay of a gripper before a move, from recordings: the setting gripper_latency_s
     GripperLatency(gripper_latency::GripperLatencyArguments),
     /// A commented file to start from: your own robot, gripper, workcell, cameras, object, throw, scenario or
-    /// study, or sample data
+    /// study, a real cell, or sample data
     New(new::NewArguments),
-    /// Checks the files of robots, grippers, workcells, objects, throws, rigs, scenarios and studies
+    /// Checks the files of robots, grippers, workcells, objects, throws, rigs, scenarios, studies and cells
     Check(check::CheckArguments),
-    /// Prints a shell's completions of this program's arguments
-    Completions(completions::CompletionsArguments),
+    /// Catches with a real arm, through the driver that a cell's file names
+    Drive(drive::DriveArguments),
+    /// Measures the links to a real arm and its cameras: jitter, losses, latency, clocks
+    Doctor(drive::DoctorArguments),
 }
 
 /// The version, with the commit where the program was built from a repository.
@@ -246,12 +246,12 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         None => catch::run(&arguments.catch),
         Some(Command::Catch(catch)) => catch::run(&catch),
         Some(Command::Eval(eval)) => match &eval.study {
+            _ if !eval.merge.is_empty() => merge::run(&eval),
             Some(name) => study::run(&eval, name),
             None => eval::run(&eval),
         },
         Some(Command::Play(play)) => play::run(&play),
-        Some(Command::Merge(merge)) => merge::run(&merge),
-        Some(Command::List(list)) => list::run(&list),
+        Some(Command::List(list)) => list::run(&list, command()),
         Some(Command::Plan(plan)) => plan::run(&plan),
         Some(Command::Predict(predict)) => predict::run(&predict),
         Some(Command::Learn(learn)) => learn::run(&learn),
@@ -267,6 +267,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::GripperLatency(latency)) => gripper_latency::run(&latency),
         Some(Command::New(new)) => new::run(&new),
         Some(Command::Check(check)) => check::run(&check),
-        Some(Command::Completions(completions)) => completions::run(&completions, command()),
+        Some(Command::Drive(drive)) => drive::run(&drive),
+        Some(Command::Doctor(doctor)) => drive::doctor(&doctor),
     }
 }

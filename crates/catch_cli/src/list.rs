@@ -5,27 +5,40 @@ use std::{collections::BTreeMap, path::PathBuf};
 use catch_body::InputError;
 use catch_lab::assets::{Asset, KNOWN_FILE, Kind, Origin, nearest};
 use catch_recording::whole_file::COMMAND_LINE;
-use clap::Args;
+use clap::{Args, Command};
+use clap_complete::{Shell, generate};
 
 use crate::screen::{self, FAINT, STRONG};
 
 /// Arguments of `list`.
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  catchingbot list --completions bash >> ~/.bash_completion
+  catchingbot list --completions fish > ~/.config/fish/completions/catchingbot.fish")]
 pub struct ListArguments {
     /// Print the file of this scenario, object, throw, robot, gripper, workcell, rig or study, to read or to
     /// start your own from
     #[arg(long, value_name = "NAME")]
     show: Option<String>,
+    /// Print a shell's completions of this program's arguments instead
+    #[arg(long, value_enum, value_name = "SHELL", conflicts_with_all = ["show", "json"])]
+    completions: Option<Shell>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
 }
 
-/// Lists what is built in, or shows one of it.
+/// Lists what is built in, or shows one of it; or prints the completions of `program`.
 ///
 /// # Errors
 /// A name that is not built in.
-pub fn run(arguments: &ListArguments) -> anyhow::Result<()> {
+pub fn run(arguments: &ListArguments, mut program: Command) -> anyhow::Result<()> {
+    if let Some(shell) = arguments.completions {
+        let mut script = Vec::new();
+        generate(shell, &mut program, "catchingbot", &mut script);
+        return Ok(screen::text(&String::from_utf8_lossy(&script))?);
+    }
     match &arguments.show {
         Some(name) => show(name, arguments.json),
         None => list(arguments.json),

@@ -1,4 +1,4 @@
-//! `catchingbot merge`: parts of an evaluation become one.
+//! `catchingbot eval --merge`: parts of an evaluation become one.
 
 use std::{
     collections::BTreeMap,
@@ -18,41 +18,26 @@ use catch_lab::{
 };
 use catch_recording::whole_file::{self, COMMAND_LINE};
 use catch_view::pages::report_page::{self, Report};
-use clap::Args;
 
 use super::{
-    eval::{self, Outcome},
+    eval::{self, EvalArguments, Outcome},
     study,
 };
 use crate::screen;
 
-/// Arguments of `merge`.
-#[derive(Debug, Args)]
-pub struct MergeArguments {
-    /// Folders of the parts, in any order
-    #[arg(value_name = "DIR", required = true)]
-    parts: Vec<PathBuf>,
-    /// Folder for the whole
-    #[arg(long, value_name = "DIR", default_value = "out/merged")]
-    out: PathBuf,
-    /// Print one JSON document instead of the table
-    #[arg(long)]
-    json: bool,
-    /// Print the table in Markdown
-    #[arg(long, conflicts_with = "json")]
-    markdown: bool,
-}
+/// Default folder of the whole.
+const FOLDER: &str = "out/merged";
 
 /// Puts the parts together.
 ///
 /// # Errors
 /// Parts that do not belong together; a folder that cannot be written.
-pub fn run(arguments: &MergeArguments) -> anyhow::Result<()> {
-    let out = &arguments.out;
-    if arguments.parts.iter().any(|part| Outline::is_in(part)) {
-        return run_study(arguments);
+pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
+    let (parts, out) = (&arguments.merge, &arguments.out.clone().unwrap_or_else(|| FOLDER.into()));
+    if parts.iter().any(|part| Outline::is_in(part)) {
+        return run_study(arguments, out);
     }
-    let (identity, rows) = merged(&arguments.parts, out)?;
+    let (identity, rows) = merged(parts, out)?;
     let cells = identity.summarize(&rows);
     if arguments.json {
         return screen::json(&Outcome::new(&identity, &cells, &rows, out));
@@ -68,8 +53,8 @@ pub fn run(arguments: &MergeArguments) -> anyhow::Result<()> {
 }
 
 /// Puts parts of a study together, step by step.
-fn run_study(arguments: &MergeArguments) -> anyhow::Result<()> {
-    let MergeArguments { parts, out, json, markdown } = arguments;
+fn run_study(arguments: &EvalArguments, out: &Path) -> anyhow::Result<()> {
+    let EvalArguments { merge: parts, json, markdown, .. } = arguments;
     if *markdown {
         let expected = "no Markdown for a study; each of its steps has a table.md";
         return Err(InputError::new(COMMAND_LINE, "--markdown", "a study", expected).into());

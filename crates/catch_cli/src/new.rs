@@ -10,6 +10,9 @@ use clap::{Args, ValueEnum};
 
 use crate::screen;
 
+/// A commented cell.
+const NEW_CELL: &str = include_str!("new_cell.toml");
+
 /// Arguments of `new`.
 #[derive(Debug, Args)]
 pub struct NewArguments {
@@ -44,6 +47,8 @@ enum NewKind {
     Scenario,
     /// Variants of a scenario
     Study,
+    /// A real cell, for `drive` and `doctor`
+    Cell,
     /// A sample of a recorded flight, for `predict`
     Track,
     /// A sample of a point cloud, for `register`
@@ -69,6 +74,7 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
         NewKind::Throw => of_kind(Kind::Throw, "--throw {}")?,
         NewKind::Scenario => of_kind(Kind::Scenario, "--scenario {}")?,
         NewKind::Study => of_kind(Kind::Study, "eval --study {}")?,
+        NewKind::Cell => (vec![(format!("{name}.toml"), NEW_CELL.to_owned())], "drive --dry-run {}".to_owned()),
         NewKind::Track => (vec![templates::track(name)?], "predict --until 0.3 --track {}".to_owned()),
         NewKind::Cloud => {
             (vec![templates::cloud(name, object)?], format!("register --reference {object} --cloud {{}}"))

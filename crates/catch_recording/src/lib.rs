@@ -16,6 +16,7 @@ pub mod bounded_file;
 pub mod brain;
 pub mod cell_recorder;
 mod consistency;
+pub mod drive_job;
 pub mod reach_map;
 mod reader;
 mod recording;

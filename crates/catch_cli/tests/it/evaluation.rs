@@ -109,7 +109,7 @@ fn the_files_are_the_same_for_any_number_of_threads_however_often_it_is_killed_a
     let merge = |parts: &[&str], out: &str| {
         let parts: Vec<_> = parts.iter().map(|it| at(it).to_str().unwrap().to_owned()).collect();
         let out = at(out).to_str().unwrap().to_owned();
-        let mut arguments = vec!["merge"];
+        let mut arguments = vec!["eval", "--merge"];
         arguments.extend(parts.iter().map(String::as_str));
         arguments.extend(["--out", &out, "--json"]);
         catchingbot(&arguments)
@@ -247,7 +247,7 @@ fn parts_of_a_study_merge() {
     let whole = study("whole", "0", "2");
     study("part1", "0", "1");
     study("part2", "1", "1");
-    let merged = catchingbot(&["merge", &path("part2"), &path("part1"), "--json", "--out", &path("merged")]);
+    let merged = catchingbot(&["eval", "--merge", &path("part2"), &path("part1"), "--json", "--out", &path("merged")]);
     assert!(merged.status.success(), "{}", stderr(&merged));
     assert_eq!(serde_json::from_str::<Value>(&stdout(&merged)).unwrap(), whole);
     let steps = whole["steps"].as_array().unwrap();

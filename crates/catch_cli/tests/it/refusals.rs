@@ -98,7 +98,6 @@ fn every_command_fails_in_the_same_shape() {
         ("catch", &["--object", "nope"][..], "--object"),
         ("eval", &["--study", "nope"], "--study"),
         ("play", &["--scenario", "nope"], "--scenario"),
-        ("merge", &["no", "nor"], "the file"),
         ("list", &["--show", "nope"], "--show"),
         ("plan", &["--cases", "no.json"], "the file"),
         ("predict", &["--track", "no.csv"], "the file"),
@@ -224,7 +223,7 @@ fn pages_go_where_they_are_wanted() {
 #[test]
 fn completions_and_the_version_are_printed() {
     for shell in ["bash", "fish", "zsh"] {
-        assert!(stdout(&catchingbot(&["completions", shell])).contains("gripper-latency"));
+        assert!(stdout(&catchingbot(&["list", "--completions", shell])).contains("gripper-latency"));
     }
     assert!(stdout(&catchingbot(&["--version"])).starts_with(&format!("catchingbot {}", catch_lab::VERSION)));
 }

@@ -131,6 +131,11 @@ pub const FILES: &[Section] = &[
     of("Study: overlay", "catch_lab/src/study.rs", "Overlay"),
     of("Study: throw_grid", "catch_lab/src/study/throw_grid.rs", "ThrowGrid"),
     of("Learned flights", "catch_lab/src/flights/flight_prior.rs", "FlightPrior"),
+    of("Real cell (CELL.toml)", "catch_cell/src/cell_file.rs", "CellFile"),
+    of("Real cell: `arm`", "catch_cell/src/cell_file.rs", "ArmLink"),
+    of("Real cell: `hand`", "catch_cell/src/cell_file.rs", "HandLink"),
+    of("Real cell: `cameras`", "catch_cell/src/cell_file.rs", "CameraLink"),
+    of("Real cell: `safe_box`", "catch_cell/src/cell_file.rs", "SafeBox"),
 ];
 
 /// Strict structs that are no file of a user.

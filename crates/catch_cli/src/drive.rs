@@ -1,0 +1,116 @@
+//! `catchingbot drive` and `catchingbot doctor`: a real cell, through the driver that its file names.
+
+use std::{
+    env, io,
+    path::{Path, PathBuf},
+    process,
+};
+
+use anyhow::Context;
+use catch_body::InputError;
+use catch_cell::cell_file::CellFile;
+use catch_lab::{
+    recording,
+    scenario::setup::{Choice, Setup},
+};
+use catch_recording::{RecordedCell, bounded_file::FileKind, drive_job::DriveJob, whole_file::COMMAND_LINE};
+use clap::Args;
+
+/// Arguments of `drive`.
+#[derive(Debug, Args)]
+pub struct DriveArguments {
+    /// The cell's file: `catchingbot new cell` writes one
+    #[arg(value_name = "CELL.toml")]
+    cell: PathBuf,
+    /// Nothing moves: plans are made of real images, checked and recorded
+    #[arg(long)]
+    dry_run: bool,
+    /// Folder for the recordings
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+}
+
+/// Arguments of `doctor`.
+#[derive(Debug, Args)]
+pub struct DoctorArguments {
+    /// The cell's file: `catchingbot new cell` writes one
+    #[arg(value_name = "CELL.toml")]
+    cell: PathBuf,
+    /// Folder for what the driver is told
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+}
+
+/// Lets the driver catch.
+///
+/// # Errors
+/// A fault in the cell's file; a driver that is missing or fails.
+pub fn run(DriveArguments { cell, dry_run, out }: &DriveArguments) -> anyhow::Result<()> {
+    start("drive", cell, out, *dry_run)
+}
+
+/// Lets the driver measure its links.
+///
+/// # Errors
+/// As [`run`].
+pub fn doctor(DoctorArguments { cell, out }: &DoctorArguments) -> anyhow::Result<()> {
+    start("doctor", cell, out, false)
+}
+
+/// Reads a cell's file and all that it names.
+///
+/// # Errors
+/// The first fault, with file and field.
+pub fn read(path: &Path) -> Result<(CellFile, RecordedCell), InputError> {
+    let file = path.display().to_string();
+    let text = FileKind::toml("the file of a cell (`catchingbot new cell`)").read_text(path)?;
+    let links = CellFile::from_toml(&file, &text)?;
+    // A name of a file is one beside the cell's.
+    let beside = |name: &String| {
+        let there = path.with_file_name(name);
+        if there.exists() { there.display().to_string() } else { name.clone() }
+    };
+    let [scenario, robot, gripper, object] = [&links.scenario, &links.robot, &links.gripper, &links.object].map(beside);
+    let workcell = links.workcell.as_ref().map(beside);
+    let settings = [format!("flight_rig={}", beside(&links.rig))];
+    let choice = Choice {
+        scenario: Some(&scenario),
+        robot: Some(&robot),
+        gripper: Some(&gripper),
+        workcell: workcell.as_deref(),
+        object: Some(&object),
+        settings: &settings,
+        ..Choice::default()
+    };
+    let setup = Setup::load(&choice).map_err(|fault| {
+        let field = fault.field.trim_start_matches("--").replace("set flight_rig", "rig");
+        if fault.file == COMMAND_LINE { InputError { file: file.clone(), field, ..fault } } else { fault }
+    })?;
+    let cell = RecordedCell { cameras: setup.cameras.clone(), ..recording::cell(&setup, 0, 0) };
+    Ok((links, cell))
+}
+
+/// Starts the driver and waits for its end.
+fn start(command: &str, path: &Path, out: &Path, dry_run: bool) -> anyhow::Result<()> {
+    let (links, cell) = read(path)?;
+    let driver = links.arm.driver.clone();
+    let job = out.join(format!("{command}.job"));
+    std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
+    DriveJob { links, cell, out: out.to_owned(), dry_run }.write(&job).with_context(|| job.display().to_string())?;
+    let beside = env::current_exe().ok().map(|it| it.with_file_name(&driver)).filter(|it| it.exists());
+    let program = beside.unwrap_or_else(|| PathBuf::from(&driver));
+    let ended = process::Command::new(&program).arg(command).arg(&job).status();
+    match ended {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => anyhow::bail!("the driver {driver} ended: {status}"),
+        Err(fault) if fault.kind() == io::ErrorKind::NotFound => {
+            let expected = format!(
+                "a program beside catchingbot or on the PATH; `cargo build --release --manifest-path \
+                 drivers/{driver}/Cargo.toml` builds one of this project's"
+            );
+            let file = path.display().to_string();
+            Err(InputError::new(file, "arm.driver", format!("no program `{driver}`"), expected).into())
+        }
+        Err(fault) => Err(fault).with_context(|| program.display().to_string()),
+    }
+}

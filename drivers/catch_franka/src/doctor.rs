@@ -1,0 +1,124 @@
+//! What the links to arm and cameras are like: measured while the arm is held.
+
+use std::{collections::BTreeMap, path::Path};
+
+use catch_recording::drive_job::DriveJob;
+use serde::Serialize;
+
+use crate::{
+    camera_socket::{self, FrameStatus},
+    control::{Control, Sample},
+    drive,
+    enabling_key::EnablingKey,
+    margin,
+};
+
+/// Duration of the measurement in seconds.
+const MEASURED_S: f64 = 10.0;
+
+/// What was measured.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Findings {
+    /// States that arrived.
+    pub states: usize,
+    /// Times between states in ms: median, 99th percentile, most.
+    pub interval_ms: [f64; 3],
+    /// Times from a state to its answer in ms: median, 99th percentile, most.
+    pub answer_ms: [f64; 3],
+    /// States that did not arrive.
+    pub states_lost: u64,
+    /// Longest run of them.
+    pub longest_run: u64,
+    /// The least fraction of a hundred answers that arrived, as the robot counts them.
+    pub least_success_rate: f64,
+    /// The host's clock less the robot's at the end, in seconds, and its drift.
+    pub clock_offset_s: f64,
+    /// Drift of the offset in seconds per second.
+    pub clock_drift: f64,
+    /// Fraction of the acceleration limit that plans may use; null: nothing may move over this link.
+    pub acceleration_ratio: Option<f64>,
+    /// Images of each camera by what they are.
+    pub images: BTreeMap<usize, Images>,
+}
+
+/// Images of a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Images {
+    /// Images per second.
+    pub rate_hz: f64,
+    /// Images that did not arrive.
+    pub lost: u32,
+    /// Images that came late.
+    pub late: u32,
+    /// Images that repeat the one before.
+    pub frozen: u32,
+    /// Images older than the one before.
+    pub swapped: u32,
+}
+
+/// Median, 99th percentile and most, in ms.
+fn told_ms(mut values_s: Vec<f64>) -> [f64; 3] {
+    values_s.sort_by(f64::total_cmp);
+    let at = |fraction: f64| values_s.get(((values_s.len() as f64 - 1.0) * fraction) as usize).copied();
+    [0.5, 0.99, 1.0].map(|fraction| at(fraction).unwrap_or(f64::NAN) * 1e3)
+}
+
+/// Findings of some samples, in order.
+pub fn findings(samples: &[Sample]) -> Findings {
+    let interval_s = samples.windows(2).map(|it| it[1].heard_s - it[0].heard_s).collect();
+    let gap = |it: &[Sample]| ((it[1].time_s - it[0].time_s) * 1e3).round() as u64;
+    let missing: Vec<u64> = samples.windows(2).map(|it| gap(it).saturating_sub(1)).collect();
+    let least = |part: &[Sample]| part.iter().map(|it| it.heard_s - it.time_s).fold(f64::INFINITY, f64::min);
+    let (first, last) = samples.split_at(samples.len() / 2);
+    let half_s = samples.last().map_or(f64::NAN, |it| it.time_s) / 2.0;
+    let longest_run = missing.iter().copied().max().unwrap_or(0);
+    // The first hundred answers do not fill the robot's count.
+    let rates = samples.iter().skip(100).map(|it| it.success_rate);
+    Findings {
+        states: samples.len(),
+        interval_ms: told_ms(interval_s),
+        answer_ms: told_ms(samples.iter().map(|it| it.answer_s).collect()),
+        states_lost: missing.iter().sum(),
+        longest_run,
+        least_success_rate: rates.fold(1.0, f64::min),
+        clock_offset_s: least(last),
+        clock_drift: (least(last) - least(first)) / half_s,
+        acceleration_ratio: margin::acceleration_ratio(longest_run),
+        images: BTreeMap::new(),
+    }
+}
+
+/// Measures, and prints the findings as JSON.
+///
+/// # Errors
+/// A device that does not answer.
+pub fn run(job: &DriveJob) -> anyhow::Result<()> {
+    let bounds = drive::bounds(job)?;
+    let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &job.cell.cameras)?;
+    let key = EnablingKey::default();
+    // The arm is held: there is no motion to enable.
+    key.set(true);
+    let mut control = Control::begin(drive::connect(job)?, bounds.arm, key);
+    let mut samples = Vec::new();
+    while samples.last().is_none_or(|it: &Sample| it.time_s < MEASURED_S) {
+        match control.samples.recv() {
+            Ok(sample) => samples.push(sample),
+            Err(_) => anyhow::bail!("the arm: {}", control.cause()),
+        }
+    }
+    control.stop();
+    let mut found = findings(&samples);
+    for image in images.try_iter() {
+        let camera = found.images.entry(image.frame.camera).or_default();
+        camera.rate_hz += 1.0 / MEASURED_S;
+        match image.status {
+            FrameStatus::Fresh => {}
+            FrameStatus::AfterLost(count) => camera.lost += count,
+            FrameStatus::Late => camera.late += 1,
+            FrameStatus::Frozen => camera.frozen += 1,
+            FrameStatus::Swapped => camera.swapped += 1,
+        }
+    }
+    println!("{}", serde_json::to_string_pretty(&found)?);
+    Ok(())
+}

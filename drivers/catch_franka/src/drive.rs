@@ -1,0 +1,148 @@
+//! One throw after the other with a brain, each recorded; and without a motion, as a dry run.
+
+use std::{io, ops::ControlFlow, path::Path, sync::Arc, time::Duration};
+
+use anyhow::Context;
+use catch_body::robot::LimitScale;
+use catch_cell::{Brain, CellFault, Observation, RunError, cell_file::CellFile};
+use catch_recording::{
+    RecordedCell,
+    brain::ChosenBrain,
+    cell_recorder::CellRecorder,
+    drive_job::DriveJob,
+    replay::{RECORDED, brain_of},
+    sources::Sources,
+};
+use franka::{RealtimeConfig, Robot};
+
+use crate::{
+    camera_socket,
+    cell::{Bounds, FrankaCell},
+    dry_run::DryCell,
+    enabling_key::{EnablingKey, restore_terminal},
+    hand::Hand,
+};
+
+/// Time in seconds from the start of a throw's recording until its end, at most.
+const THROW_S: f64 = 30.0;
+/// Time in seconds for which a recording goes on after the last plan has ended.
+const AFTERWARDS_S: f64 = 2.0;
+
+/// The arm of a task with its gripper and its maker's limits, and what bounds it.
+///
+/// # Errors
+/// A text in the task that describes no arm.
+pub fn bounds(job: &DriveJob) -> anyhow::Result<Bounds> {
+    let unscaled = Sources { limit_scale: LimitScale::default(), ..job.cell.sources.clone() };
+    let (arm, gripper) = unscaled.parse(&RECORDED)?;
+    let CellFile { speed_scaling, safe_box, .. } = job.links;
+    Ok(Bounds { arm: arm.carrying(&gripper), speed_scaling, safe_box })
+}
+
+/// The robot controller of a task.
+///
+/// # Errors
+/// If it does not answer.
+pub fn connect(job: &DriveJob) -> anyhow::Result<Arc<Robot>> {
+    let address = &job.links.arm.address;
+    let robot = Robot::new(address, RealtimeConfig::Ignore);
+    Ok(Arc::new(robot.with_context(|| format!("the arm at {address}"))?))
+}
+
+/// Drives until the cell fails for good: a stop is told, and ends when the key is held again.
+///
+/// # Errors
+/// A device that does not answer; a recording that cannot be written.
+pub fn run(job: &DriveJob) -> anyhow::Result<()> {
+    let bounds = bounds(job)?;
+    // The brain plans within what the checks allow.
+    let limit_scale = bounds.limit_scale(0).context("no motion is allowed")?;
+    let mut known = job.cell.clone();
+    known.sources.limit_scale = limit_scale;
+    let mut brain = brain_of(&known)?;
+    let ready_q = bounds.arm.checked_pose("the task", "ready_rad", &known.ready_rad)?;
+    if job.dry_run {
+        let robot = connect(job)?;
+        let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &known.cameras)?;
+        let mut cell = DryCell::new(&robot, &bounds, ready_q, images)?;
+        println!("dry run: nothing moves; Ctrl-C ends it");
+        return throws(&mut cell, &mut brain, &known, job).map(drop).map_err(anyhow::Error::from);
+    }
+    let key = EnablingKey::of_terminal();
+    let driven = drive(job, &bounds, (&mut brain, &known), &key);
+    restore_terminal();
+    driven
+}
+
+fn drive(
+    job: &DriveJob,
+    bounds: &Bounds,
+    (brain, known): (&mut ChosenBrain, &RecordedCell),
+    key: &EnablingKey,
+) -> anyhow::Result<()> {
+    let ready_q = bounds.arm.checked_pose("the task", "ready_rad", &known.ready_rad)?;
+    loop {
+        println!("hold a key to move: the arm goes straight to its waiting pose; released, it stops");
+        while !key.is_held() {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        // A socket of its own for each motion: images of before are none of its clock.
+        let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &known.cameras)?;
+        let hand = job.links.hand.as_ref().map(|it| Hand::connect(&it.address)).transpose().context("the gripper")?;
+        let robot = connect(job)?;
+        // It clears what made the robot stop before, and does nothing else.
+        let _ = robot.automatic_error_recovery();
+        let stopped = FrankaCell::begin(robot, bounds, key.clone(), (hand, images)).and_then(|mut cell| {
+            cell.go_to(ready_q, 1)?;
+            println!("ready");
+            brain.reset();
+            match throws(&mut cell, brain, known, job) {
+                Ok(()) => Ok(()),
+                Err(Stopped::Cell(fault)) => Err(fault.error),
+                Err(Stopped::Recording(fault)) => Err(CellFault::ProtectiveStop { cause: fault.to_string() }),
+            }
+        });
+        if let Err(fault) = stopped {
+            println!("stopped: {fault}");
+        }
+    }
+}
+
+/// What ends throws.
+#[derive(Debug, thiserror::Error)]
+pub enum Stopped {
+    /// The cell failed.
+    #[error(transparent)]
+    Cell(RunError<CellFault>),
+    /// The recording could not be written.
+    #[error("the recording: {0}")]
+    Recording(#[from] io::Error),
+}
+
+/// Lets the brain act, and records each throw.
+fn throws<C>(cell: &mut C, brain: &mut ChosenBrain, known: &RecordedCell, job: &DriveJob) -> Result<(), Stopped>
+where
+    C: catch_cell::Cell<Error = CellFault>,
+{
+    let began = crate::hand::host_s() as u64;
+    let mut recorder = CellRecorder::create(&job.out, &format!("drive_{began}"), known.clone())?;
+    let mut end_s = None;
+    let ended = catch_cell::run(cell, brain, |_, brain, observation, command| {
+        if let Err(fault) = recorder.tick(observation, command, Some(brain.report())) {
+            return ControlFlow::Break(Err(fault));
+        }
+        if let Some(plan) = &command.arm {
+            end_s = Some(plan.end_s());
+        }
+        if is_over(observation, end_s) { ControlFlow::Break(Ok(())) } else { ControlFlow::Continue(()) }
+    });
+    println!("recorded: {}", recorder.finish()?.display());
+    match ended {
+        Ok(written) => Ok(written?),
+        Err(fault) => Err(Stopped::Cell(fault)),
+    }
+}
+
+fn is_over(observation: &Observation, end_s: Option<f64>) -> bool {
+    end_s.is_some_and(|end_s| observation.time_s > end_s + AFTERWARDS_S) || observation.time_s > THROW_S
+}

@@ -1,0 +1,78 @@
+//! A cell in which nothing moves: plans are checked and executed in imagination, images and clock are real.
+
+use std::{sync::Arc, sync::mpsc::Receiver};
+
+use catch_body::JointVector;
+use catch_cell::{Cell, CellFault, Command, GraspState, GripperState, Observation};
+use franka::Robot;
+
+use crate::{
+    camera_socket::Arrived,
+    cell::{Bounds, Checker},
+    hand::host_s,
+};
+
+/// Interval of the observations in seconds.
+const TICK_S: f64 = 0.01;
+
+/// A robot whose states are read, and an imagined arm that waits in its pose.
+#[derive(Debug)]
+pub struct DryCell {
+    robot: Arc<Robot>,
+    checker: Checker,
+    images: Receiver<Arrived>,
+    began_s: f64,
+    time_s: f64,
+}
+
+impl DryCell {
+    /// A cell whose imagined arm stands at `q`.
+    ///
+    /// # Errors
+    /// If the robot sends no states.
+    pub fn new(
+        robot: &Arc<Robot>,
+        bounds: &Bounds,
+        q: JointVector,
+        images: Receiver<Arrived>,
+    ) -> Result<Self, CellFault> {
+        let checker = Checker::new(bounds, q, 0).ok_or_else(|| lost("no motion is allowed"))?;
+        robot.read_once().map_err(lost)?;
+        Ok(Self { robot: robot.clone(), checker, images, began_s: host_s(), time_s: 0.0 })
+    }
+}
+
+fn lost(cause: impl ToString) -> CellFault {
+    CellFault::LostConnection { device: "arm".to_owned(), cause: cause.to_string() }
+}
+
+impl Cell for DryCell {
+    type Error = CellFault;
+
+    fn sense(&mut self) -> Result<Observation, CellFault> {
+        let next_s = self.time_s + TICK_S;
+        while self.time_s < next_s {
+            self.robot.read_once().map_err(lost)?;
+            self.time_s = host_s() - self.began_s;
+        }
+        let arm = self.checker.imagined(self.time_s);
+        let on_cell = self.images.try_iter().map(|mut it| {
+            it.frame.capture_s -= self.began_s;
+            it.frame
+        });
+        let time_s = self.time_s;
+        let frames = on_cell.filter(|it| (0.0..=time_s).contains(&it.capture_s)).collect();
+        let gripper = GripperState { width_m: 0.0, speed_mps: 0.0, force_n: 0.0, grasp: GraspState::Idle };
+        Ok(Observation { time_s, arm, gripper, frames })
+    }
+
+    fn act(&mut self, command: &Command) -> Result<(), CellFault> {
+        if let Some(plan) = &command.arm {
+            match self.checker.receive(plan, host_s() - self.began_s) {
+                Ok(()) => println!("{:.3} s: plan {} until {:.3} s", self.time_s, plan.id, plan.end_s()),
+                Err(why) => println!("{:.3} s: plan {} is rejected: {why}", self.time_s, plan.id),
+            }
+        }
+        Ok(())
+    }
+}
