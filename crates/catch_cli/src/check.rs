@@ -1,13 +1,14 @@
 //! `catchingbot check`: are these files right?
 
 use std::{
-    fmt, fs,
+    fmt,
     path::{Path, PathBuf},
 };
 
 use catch_body::InputError;
 use catch_import::check::{Checked, check};
 use catch_lab::VERSION;
+use catch_recording::bounded_file::FileKind;
 use clap::Args;
 use serde::Serialize;
 
@@ -60,7 +61,7 @@ struct FileDocument<'a> {
 
 /// Checks a file of whatever kind. A cell's is known by its table `[arm]`.
 fn checked(file: &Path) -> Checked {
-    let text = fs::read_to_string(file).unwrap_or_default();
+    let text = FileKind::toml("a file").read_text(file).unwrap_or_default();
     if !text.lines().any(|it| it.trim() == "[arm]") {
         return check(file);
     }
