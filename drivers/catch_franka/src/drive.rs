@@ -68,7 +68,7 @@ pub fn run(job: &DriveJob) -> anyhow::Result<()> {
         println!("dry run: nothing moves; Ctrl-C ends it");
         return throws(&mut cell, &mut brain, &known, job).map(drop).map_err(anyhow::Error::from);
     }
-    let key = EnablingKey::of_terminal();
+    let key = EnablingKey::of_terminal()?;
     let driven = drive(job, &bounds, (&mut brain, &known), &key);
     restore_terminal();
     driven

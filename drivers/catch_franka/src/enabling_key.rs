@@ -3,8 +3,8 @@
 //! A terminal tells no release of a key, only its repetitions: a key counts as released when they end.
 
 use std::{
-    io::Read,
-    process::{Command, Stdio},
+    io::{self, IsTerminal, Read},
+    process::{self, Command, Stdio},
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -14,10 +14,16 @@ use std::{
     time::Duration,
 };
 
+use anyhow::ensure;
+
 /// Time after the first press within which the keyboard begins to repeat.
 const FIRST_REPEAT: Duration = Duration::from_millis(600);
 /// Time between repetitions, at most: twice that of a slow keyboard.
 const REPEAT: Duration = Duration::from_millis(120);
+
+/// Byte of Ctrl-C, and the exit status of who was interrupted.
+const CTRL_C: u8 = 3;
+const INTERRUPTED: i32 = 130;
 
 /// State of the enabling key, for all threads.
 #[derive(Debug, Clone, Default)]
@@ -34,19 +40,34 @@ impl EnablingKey {
         self.0.store(is_held, Ordering::Relaxed);
     }
 
-    /// The key of the terminal: any that is held, without echo. The thread ends with the input.
-    pub fn of_terminal() -> Self {
-        let key = Self::default();
-        // Keys come one by one; whoever has no terminal has no key.
-        let _ = Command::new("stty").args(["-icanon", "-echo"]).stdin(Stdio::inherit()).status();
+    /// The key of the terminal: any that is held, without echo. Ctrl-C ends the program.
+    ///
+    /// # Errors
+    /// If the standard input is no terminal.
+    pub fn of_terminal() -> anyhow::Result<Self> {
+        ensure!(
+            io::stdin().is_terminal(),
+            "standard input: found no terminal, expected one: the arm moves while a key of it is held"
+        );
+        // Keys come one by one, Ctrl-C too: by a signal the terminal would stay so.
+        stty(["-icanon", "-echo", "-isig"]);
         let (pressed, presses) = mpsc::channel();
         thread::spawn(move || {
             let mut byte = [0];
-            while std::io::stdin().read(&mut byte).is_ok_and(|count| count > 0) && pressed.send(()).is_ok() {}
+            while io::stdin().read(&mut byte).is_ok_and(|count| count > 0) {
+                if byte == [CTRL_C] {
+                    restore_terminal();
+                    process::exit(INTERRUPTED);
+                }
+                if pressed.send(()).is_err() {
+                    break;
+                }
+            }
         });
+        let key = Self::default();
         let held = key.clone();
         thread::spawn(move || held.follow(&presses));
-        key
+        Ok(key)
     }
 
     /// Follows key presses until their sender is gone.
@@ -62,9 +83,13 @@ impl EnablingKey {
     }
 }
 
-/// Gives the terminal back its echo.
+/// Gives the terminal back its lines, echo and signals.
 pub fn restore_terminal() {
-    let _ = Command::new("stty").args(["icanon", "echo"]).stdin(Stdio::inherit()).status();
+    stty(["icanon", "echo", "isig"]);
+}
+
+fn stty(modes: [&str; 3]) {
+    let _ = Command::new("stty").args(modes).stdin(Stdio::inherit()).status();
 }
 
 #[cfg(test)]
