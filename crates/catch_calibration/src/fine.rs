@@ -256,8 +256,8 @@ impl State<'_> {
                 }
                 let robust = (HUBER_SD * sd / size).min(1.0);
                 posed.row(&mut row, it, &state, offset_sd, config);
-                // What stands still is seen in all images with the same errors: of its model, and of its edges'
-                // place between pixels.
+                // What stands still is seen in all images with the same errors: of its model, and of the
+                // place of its edges between pixels.
                 let repeated = if it.part == SurfacePart::Link(0) { images.len() as f64 } else { 1.0 };
                 equations.add(&row, residual, it.weight * robust / (sd * sd * correlated * repeated));
                 if pass == Pass::Correlating && i % CORRELATED_IMAGES == 0 {
