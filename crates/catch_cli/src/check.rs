@@ -62,7 +62,7 @@ struct FileDocument<'a> {
 /// Checks a file of whatever kind. A cell's is known by its table `[arm]`.
 fn checked(file: &Path) -> Checked {
     let text = FileKind::toml("a file").read_text(file).unwrap_or_default();
-    if !text.lines().any(|it| it.trim() == "[arm]") {
+    if !text.lines().any(|it| it.trim_start().starts_with("[arm]")) {
         return check(file);
     }
     let read = drive::read(file).map(|(links, _)| format!("a cell, driven by {}", links.arm.driver));
