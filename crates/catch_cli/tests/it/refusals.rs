@@ -96,6 +96,7 @@ fn commands_with_json(command: &clap::Command, name: &str) -> Vec<String> {
 fn every_command_fails_in_the_same_shape() {
     let wrong_input = [
         ("catch", &["--object", "nope"][..], "--object"),
+        ("eval", &["--scenario", "nope"], "--scenario"),
         ("play", &["--scenario", "nope"], "--scenario"),
         ("list", &["--show", "nope"], "--show"),
         ("plan", &["--cases", "no.json"], "the file"),
@@ -134,7 +135,7 @@ fn wrong_arguments_are_told_by_field() {
         (&["--method", "mine"], "--method <METHOD>", "mine", "ours, paper"),
         (&["catch", "--set", "object=nope"], "--set object", "`nope`", "one of"),
         (&["catch", "--set", "arena.step_s=7"], "arena.step_s", "7", "0.00001 to 0.002"),
-        (&["check"], "<FILE>...", "not provided", "--help"),
+        (&["check"], "<NAME|FILE>...", "not provided", "--help"),
     ] {
         let fault = &failure(arguments)["faults"][0];
         let texts = [("field", field), ("found", found), ("expected", expected)];
