@@ -118,7 +118,7 @@ impl Score {
             middle_m * 1e3,
             high_m * 1e3
         );
-        if SURE_SD * middle_m <= margin_m {
+        if SURE_SD * high_m <= margin_m {
             return known;
         }
         let too_little = format!("too little for fingers that leave {:.0} mm on each side", margin_m * 1e3);
