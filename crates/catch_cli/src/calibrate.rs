@@ -130,6 +130,8 @@ struct FlightsDocument {
 #[derive(Serialize)]
 pub struct CameraDocument {
     status: &'static str,
+    /// False if throws are caught without this camera: only others were calibrated.
+    is_used: bool,
     /// Calibrated position in W.
     position_m: [f64; 3],
     rotation_xyzw: [f64; 4],
@@ -219,7 +221,8 @@ pub fn before_throws(setup: &Setup, seed: u64, aloud: bool) -> io::Result<Vec<Ca
     for (i, it) in documents.iter().enumerate().filter(|_| aloud) {
         let error_mm = it.position_error_m * 1e3;
         let off = format!("{error_mm:.2} mm and {:.4}° off, {}", it.rotation_error_deg, uncertainty(it));
-        screen::fact(&format!("camera {i}"), &format!("{}, {off}", it.status))?;
+        let left_out = if it.is_used { "" } else { ", left out" };
+        screen::fact(&format!("camera {i}"), &format!("{}{left_out}, {off}", it.status))?;
     }
     Ok(documents)
 }
@@ -299,8 +302,14 @@ fn camera_documents(
     calibrated: &[CameraModel],
     truth: &[CameraModel],
 ) -> Vec<CameraDocument> {
+    let has_converged = |it: &CameraCalibration| it.status == CalibrationStatus::Converged;
+    let any_has = found.iter().any(has_converged);
     let all = found.iter().zip(calibrated).zip(truth);
-    all.map(|((found, calibrated), truth)| camera_document(found, &calibrated.X_WC, &truth.X_WC)).collect()
+    let document = |((found, calibrated), truth): ((&CameraCalibration, &CameraModel), &CameraModel)| CameraDocument {
+        is_used: has_converged(found) || !any_has,
+        ..camera_document(found, &calibrated.X_WC, &truth.X_WC)
+    };
+    all.map(document).collect()
 }
 
 /// `X_WC` is where the camera is believed to stand from then on, `X_WT` where it truly stands.
@@ -309,6 +318,7 @@ fn camera_document(found: &CameraCalibration, X_WC: &Pose, X_WT: &Pose) -> Camer
     let sd = |first: usize| found.covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
     CameraDocument {
         status: status(found.status),
+        is_used: true,
         position_m: X_WC.translation.vector.into(),
         rotation_xyzw: X_WC.rotation.coords.into(),
         position_sd_m: sd(3),

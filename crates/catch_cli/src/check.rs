@@ -21,9 +21,9 @@ use crate::{
 /// Arguments of `check`.
 #[derive(Debug, Args)]
 pub struct CheckArguments {
-    /// Scenario, robot, gripper, workcell, object, throw, rig, study or cell files; a robot is its robot.toml
-    /// or the folder that holds it
-    #[arg(value_name = "FILE", required = true)]
+    /// Scenario, robot, gripper, workcell, object, throw, rig or cell files, or built-in names; a robot is
+    /// its robot.toml or the folder that holds it
+    #[arg(value_name = "NAME|FILE", required = true)]
     files: Vec<PathBuf>,
     /// Print one JSON document
     #[arg(long)]

@@ -12,7 +12,7 @@ use std::{
 use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
-    VERSION,
+    VERSION, camera_placement,
     evaluation::{
         Cell, Evaluation, Identity, MOST_THREADS, Row,
         cell_summary::CellSummary,
@@ -36,6 +36,7 @@ use serde::Serialize;
 use super::{ChoiceArguments, MOST, whole};
 use crate::{
     calibrate::{self, CameraDocument},
+    place_cameras::RigDocument,
     screen::{self, FAINT, STRONG},
 };
 
@@ -67,20 +68,15 @@ pub struct EvalArguments {
     /// Trials that run at the same time [default: the number of cores]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1, MOST_THREADS as u64))]
     pub(super) threads: Option<u64>,
-    /// Folder for the results [default: out/eval, of a study out/study-NAME]
+    /// Folder for the results [default: out/eval]
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
     /// Go on with the results that are in the folder
     #[arg(long)]
     pub(super) resume: bool,
-    /// Runs nothing: parts of an evaluation or a study, in any order, become one [default of --out:
-    /// out/merged]
-    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["object", "throw", "resume", "study", "plots"])]
+    /// Runs nothing: parts of an evaluation, in any order, become one [default of --out: out/merged]
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["object", "throw", "resume", "plots"])]
     pub merge: Vec<PathBuf>,
-    /// Variants of a scenario: a built-in study or a file; `ablation` removes the paper's assumptions one
-    /// after the other and one at a time, from the scenario `paper` to `honest`
-    #[arg(long, value_name = "NAME|FILE", conflicts_with_all = ["scenario", "method", "settings", "markdown"])]
-    pub study: Option<String>,
     /// Write plots as SVG beside the report
     #[arg(long)]
     pub(super) plots: bool,
@@ -100,6 +96,8 @@ struct Document<'a> {
     /// Calibration of the cameras before the first throw, where the scenario has one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     calibration: Vec<CameraDocument>,
+    /// What the cameras that are used know of the throws of the first cell.
+    rig: RigDocument,
     wall_s: f64,
     stages: BTreeMap<&'static str, StageTimes>,
 }
@@ -174,7 +172,13 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let started = Instant::now();
     let evaluation = evaluation(arguments)?;
     let is_told = !(arguments.json || arguments.markdown);
-    let calibration = calibrate::before_throws(&evaluation.cells[0].setup, arguments.seed, is_told)?;
+    let setup = &evaluation.cells[0].setup;
+    let calibration = calibrate::before_throws(setup, arguments.seed, is_told)?;
+    let rig = camera_placement::score_of(setup, &setup.used_cameras(arguments.seed))?;
+    if is_told {
+        screen::fact("cameras", &rig.summary(setup.scenario.brain.grasp_selection.finger_margin_m))?;
+    }
+    let rig = RigDocument::of(&setup.scenario.flight_rig, &rig);
     let pace = Pace::from(arguments);
     let done = complete(&evaluation, folder, pace, "trials")?;
     let Done { rows, timed, stopwatch } = &done;
@@ -202,7 +206,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         return Ok(print(&cells, &times, stopwatch, folder)?);
     }
     let outcome = Outcome::new(&identity, &cells, rows, folder);
-    screen::json(&Document { outcome, calibration, wall_s, stages: times.stages })
+    screen::json(&Document { outcome, calibration, rig, wall_s, stages: times.stages })
 }
 
 /// An evaluation whose trials are all there.

@@ -37,7 +37,6 @@ mod register;
 mod replay;
 mod robot;
 mod screen;
-mod study;
 mod view;
 
 use std::{io, path::PathBuf, process::ExitCode, sync::LazyLock};
@@ -86,8 +85,7 @@ enum Command {
     Eval(Box<eval::EvalArguments>),
     /// Many throws in one life: the arm catches, holds, puts down and returns until the next throw
     Play(Box<play::PlayArguments>),
-    /// Lists what is built in: scenarios, objects, throws, robots, grippers, workcells, camera rigs and
-    /// studies
+    /// Lists what is built in: scenarios, objects, throws, robots, grippers, workcells and camera rigs
     List(list::ListArguments),
     /// Plans for catches that are described in a file, with residuals and times
     Plan(plan::PlanArguments),
@@ -116,10 +114,10 @@ enum Command {
     View(view::ViewArguments),
     /// Measures the delay of a gripper before a move, from recordings: the setting gripper_latency_s
     GripperLatency(gripper_latency::GripperLatencyArguments),
-    /// A commented file to start from: your own robot, gripper, workcell, cameras, object, throw, scenario or
-    /// study, a real cell, or sample data
+    /// A commented file to start from: your own robot, gripper, workcell, cameras, object, throw or
+    /// scenario, a real cell, or sample data
     New(new::NewArguments),
-    /// Checks the files of robots, grippers, workcells, objects, throws, rigs, scenarios, studies and cells
+    /// Checks the files of robots, grippers, workcells, objects, throws, rigs, scenarios and cells
     Check(check::CheckArguments),
     /// Catches with a real arm, through the driver that a cell's file names
     Drive(drive::DriveArguments),
@@ -245,11 +243,8 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     match arguments.command {
         None => catch::run(&arguments.catch),
         Some(Command::Catch(catch)) => catch::run(&catch),
-        Some(Command::Eval(eval)) => match &eval.study {
-            _ if !eval.merge.is_empty() => merge::run(&eval),
-            Some(name) => study::run(&eval, name),
-            None => eval::run(&eval),
-        },
+        Some(Command::Eval(eval)) if !eval.merge.is_empty() => merge::run(&eval),
+        Some(Command::Eval(eval)) => eval::run(&eval),
         Some(Command::Play(play)) => play::run(&play),
         Some(Command::List(list)) => list::run(&list, command()),
         Some(Command::Plan(plan)) => plan::run(&plan),

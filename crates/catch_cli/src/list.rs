@@ -17,8 +17,8 @@ Examples:
   catchingbot list --completions bash >> ~/.bash_completion
   catchingbot list --completions fish > ~/.config/fish/completions/catchingbot.fish")]
 pub struct ListArguments {
-    /// Print the file of this scenario, object, throw, robot, gripper, workcell, rig or study, to read or to
-    /// start your own from
+    /// Print the file of this scenario, object, throw, robot, gripper, workcell or rig, to read or to start
+    /// your own from
     #[arg(long, value_name = "NAME")]
     show: Option<String>,
     /// Print a shell's completions of this program's arguments instead

@@ -45,8 +45,6 @@ enum NewKind {
     Throw,
     /// Everything that a set of trials shares
     Scenario,
-    /// Variants of a scenario
-    Study,
     /// A real cell, for `drive` and `doctor`
     Cell,
     /// A sample of a recorded flight, for `predict`
@@ -73,7 +71,6 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
         NewKind::Object => of_kind(Kind::Object, "--object {}")?,
         NewKind::Throw => of_kind(Kind::Throw, "--throw {}")?,
         NewKind::Scenario => of_kind(Kind::Scenario, "--scenario {}")?,
-        NewKind::Study => of_kind(Kind::Study, "eval --study {}")?,
         NewKind::Cell => (vec![(format!("{name}.toml"), NEW_CELL.to_owned())], "drive --dry-run {}".to_owned()),
         NewKind::Track => (vec![templates::track(name)?], "predict --until 0.3 --track {}".to_owned()),
         NewKind::Cloud => {

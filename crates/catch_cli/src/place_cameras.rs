@@ -55,7 +55,7 @@ pub struct PlaceCamerasArguments {
     cameras: u64,
     /// Throws that are looked at
     #[arg(long, value_name = "N", default_value_t = Config::default().throws, value_parser = whole(1, 1000))]
-    throws: u64,
+    trials: u64,
     /// A corner of the box, in metres; cameras hang on its walls, but not on its floor
     #[arg(long, value_name = "X,Y,Z", value_parser = corner, default_value_t = Corner(Config::default().volume_m[0]), allow_hyphen_values = true)]
     from: Corner,
@@ -123,8 +123,9 @@ struct Document<'a> {
     rigs: Vec<RigDocument>,
 }
 
+/// What the cameras of a rig know of the throws.
 #[derive(Serialize)]
-struct RigDocument {
+pub struct RigDocument {
     rig: String,
     cameras: usize,
     shown_by_one: f64,
@@ -144,7 +145,7 @@ struct RigDocument {
 }
 
 impl RigDocument {
-    fn of(rig: &str, score: &Score) -> Self {
+    pub fn of(rig: &str, score: &Score) -> Self {
         Self {
             rig: rig.to_owned(),
             cameras: score.shown.len(),
@@ -171,7 +172,7 @@ pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
     let setup = Setup::load(&arguments.choice.with(arguments.object.as_deref(), arguments.throw.as_deref()))?;
     let config = Config {
         cameras: arguments.cameras as usize,
-        throws: arguments.throws,
+        throws: arguments.trials,
         seed: arguments.seed,
         volume_m: [arguments.from.0, arguments.to.0],
         spacing_m: arguments.spacing,

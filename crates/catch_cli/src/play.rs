@@ -33,7 +33,7 @@ pub struct PlayArguments {
     throw: Option<String>,
     /// Number of throws
     #[arg(long, value_name = "N", default_value_t = 50, allow_negative_numbers = true, value_parser = whole(1, 1_000_000))]
-    throws: u64,
+    trials: u64,
     /// Least interval between two throws in seconds; the thrower waits until the arm is ready
     #[arg(long, value_name = "SECONDS", default_value_t = 4.0, allow_negative_numbers = true)]
     every: f64,
@@ -96,10 +96,10 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
             None => setup,
         });
     }
-    let play = Play { setups, throws: arguments.throws, every_s: arguments.every, seed: arguments.seed };
+    let play = Play { setups, throws: arguments.trials, every_s: arguments.every, seed: arguments.seed };
     whole_file::check_new(&arguments.html, "--html")?;
     calibrate::before_throws(&play.setups[0], arguments.seed, !arguments.json)?;
-    let bar = screen::progress_bar(arguments.throws as usize, "throws");
+    let bar = screen::progress_bar(arguments.trials as usize, "throws");
     let mut caught = 0;
     let life = play.run(&mut |row| {
         caught += usize::from(row.row.verdict.caught);

@@ -4,11 +4,11 @@
 use anyhow::{Context, Result};
 use catch_body::statistics::{paired95, wilson95};
 use catch_lab::{
+    assets::Kind,
     evaluation::published::published_rates,
     parallel,
     referee::{self, Measures, Verdict},
     scenario::setup::{Choice, Setup},
-    study::Study,
     trial,
 };
 use catch_recording::brain::Method;
@@ -21,9 +21,9 @@ use crate::{
     spread::quantiles,
 };
 
-/// The scenario, and the study that takes its assumptions away.
+/// The scenario of the published code.
 const SCENARIO: &str = "as-published";
-/// One trial of a study's step, with each object and throw, for so many of a cell of Table I.
+/// One trial of a step, with each object and throw, for so many of a cell of Table I.
 const TRIALS_PER_STEP_TRIAL: usize = 15;
 /// One trial around the throws for so many of a cell of Table I.
 const TRIALS_PER_TRIAL_AROUND: usize = 3;
@@ -39,6 +39,30 @@ images. The assumptions' worth is measured around the throws, with the same thro
 them away from `as-published`. Every other line takes one more away from the line above. *Change* is in points, of what \
 is within 5 cm and of what is held. It is against the line above, and *alone* against `as-published`. Behind it stands the 95 % \
 interval of a paired difference (Agresti and Min).";
+
+/// An assumption of the published code.
+#[derive(Deserialize)]
+struct Assumption {
+    name: String,
+    /// Description of the assumption.
+    about: String,
+    /// Settings that take it away, after those before it.
+    set: Vec<String>,
+    /// Settings that take it away alone, where they are others.
+    alone: Option<Vec<String>>,
+}
+
+impl Assumption {
+    /// All of them, in their order.
+    fn all() -> Result<Vec<Self>> {
+        #[derive(Deserialize)]
+        struct Listed {
+            assumption: Vec<Assumption>,
+        }
+        let listed: Listed = toml::from_str(include_str!("assumptions.toml")).context("assumptions.toml")?;
+        Ok(listed.assumption)
+    }
+}
 
 /// The code run again.
 #[derive(Deserialize)]
@@ -76,7 +100,7 @@ fn thrown_around(setup: &Setup, throw: &str) -> Result<Setup> {
     Ok(setup.with_throw(throw.to_owned(), Throw::from_toml(throw, text)?))
 }
 
-/// Table I, the same under the arm's limits, and the study.
+/// Table I, the same under the arm's limits, and what each assumption was worth.
 pub fn run(options: &Options) -> Result<Findings> {
     let rerun: Rerun = toml::from_str(include_str!("rerun.toml")).context("rerun.toml")?;
     let count = options.trials as usize;
@@ -131,12 +155,11 @@ pub fn run(options: &Options) -> Result<Findings> {
     }
     tables.push(driven);
     tables.push(prices(options, count.div_ceil(TRIALS_PER_STEP_TRIAL))?);
-    Ok(Findings { legend: LEGEND, tables })
+    Ok(Findings { legend: LEGEND.to_owned(), tables })
 }
 
 /// Table of the change that each assumption makes, around the throws.
 fn prices(options: &Options, count: usize) -> Result<Table> {
-    let study = Study::load(SCENARIO, ("the experiment", "its study"))?;
     let columns = [
         "step",
         "what it takes away",
@@ -149,29 +172,43 @@ fn prices(options: &Options, count: usize) -> Result<Table> {
         "change, held",
     ];
     let mut table = Table::new("What each assumption was worth", &columns);
-    let (mut first, mut above): (Option<Vec<Verdict>>, Option<Vec<Verdict>>) = (None, None);
-    for step in &study.steps {
-        let mut all = Vec::new();
-        for cell in study.cells(step, &Choice::default(), &study.objects())? {
-            let around = format!("around_{}", cell.setup.scenario.throw);
-            all.extend(verdicts(&thrown_around(&cell.setup, &around)?, options.seed, count)?);
-        }
-        let about = step.head.about.strip_prefix("removes ").unwrap_or(&step.head.about);
-        let alone = step.head.name.strip_prefix("only-").map(|name| format!("{name}, alone"));
-        let against = if alone.is_some() { &first } else { &above };
-        let changes = [MEASURES[0], MEASURES[2]].map(|counts| {
-            against.as_ref().map_or_else(|| Entry::text("–"), |against| Entry::text(change(against, &all, counts)))
-        });
-        let is_alone = alone.is_some();
-        let name = alone.unwrap_or_else(|| step.head.name.clone());
-        let head = vec![Entry::text(name), Entry::text(about), Entry::Count(all.len())];
-        table.rows.push(head.into_iter().chain(rates(&all)).chain(changes).collect());
-        if !is_alone {
-            first.get_or_insert_with(|| all.clone());
-            above = Some(all);
-        }
+    let assumptions = Assumption::all()?;
+    let first = verdicts_around(&[], options.seed, count)?;
+    table.rows.push(price(["as-published", "nothing"], None, &first));
+    let (mut settings, mut above) = (Vec::new(), first.clone());
+    for Assumption { name, about, set, .. } in &assumptions {
+        settings.extend(set.iter().cloned());
+        let all = verdicts_around(&settings, options.seed, count)?;
+        table.rows.push(price([name, about], Some(&above), &all));
+        above = all;
+    }
+    for Assumption { name, about, set, alone } in &assumptions {
+        let all = verdicts_around(alone.as_ref().unwrap_or(set), options.seed, count)?;
+        table.rows.push(price([&format!("{name}, alone"), about], Some(&first), &all));
     }
     Ok(table)
+}
+
+/// Row of a step, with its changes against another one.
+fn price(head: [&str; 2], against: Option<&[Verdict]>, all: &[Verdict]) -> Vec<Entry> {
+    let changes = [MEASURES[0], MEASURES[2]]
+        .map(|counts| Entry::text(against.map_or_else(|| "–".to_owned(), |against| change(against, all, counts))));
+    let head = head.map(Entry::text).into_iter().chain([Entry::Count(all.len())]);
+    head.chain(rates(all)).chain(changes).collect()
+}
+
+/// Verdicts of all objects around both throws, in the published scenario with other settings.
+fn verdicts_around(settings: &[String], seed: u64, count: usize) -> Result<Vec<Verdict>> {
+    let mut all = Vec::new();
+    for object in Kind::Object.names() {
+        for throw in ["near", "far"] {
+            let (scenario, object, throw) = (Some(SCENARIO), Some(object), Some(throw));
+            let setup = Setup::load(&Choice { scenario, object, throw, settings, ..Choice::default() })?;
+            let around = thrown_around(&setup, &format!("around_{}", setup.scenario.throw))?;
+            all.extend(verdicts(&around, seed, count)?);
+        }
+    }
+    Ok(all)
 }
 
 /// Difference of two rates of the same throws, in points.
@@ -248,6 +285,18 @@ mod tests {
             let of = |i: usize| cells.iter().map(|it| it.counts[i]).sum::<usize>();
             assert_eq!([0, 1, 2].map(of), counts);
         }
+    }
+
+    /// Without any of the assumptions the scenario is `paper`, with the paper's method.
+    #[test]
+    fn all_assumptions_together_lead_to_the_scenario_paper() {
+        let settings: Vec<String> = Assumption::all().unwrap().into_iter().flat_map(|it| it.set).collect();
+        let choice = Choice { scenario: Some(SCENARIO), settings: &settings, ..Choice::default() };
+        let published = Setup::load(&choice).unwrap().scenario;
+        let paper = Choice { scenario: Some("paper"), method: Some(Method::Paper), ..Choice::default() };
+        let mut paper = Setup::load(&paper).unwrap().scenario;
+        (paper.name, paper.description) = (published.name.clone(), published.description.clone());
+        assert_eq!(toml::to_string(&published).unwrap(), toml::to_string(&paper).unwrap());
     }
 
     /// Throws around those of Table I are within 5 mm of them, at their velocity.

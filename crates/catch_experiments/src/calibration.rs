@@ -1,4 +1,4 @@
-//! Accuracy of near cameras that are calibrated on the arm that they see.
+//! Accuracy of near cameras that are calibrated on the arm that they see, and of the brain's perception.
 
 mod correlated_noise;
 mod flights;
@@ -18,7 +18,7 @@ use catch_sim::random_streams::{Draws, Stream};
 use nalgebra::{UnitQuaternion, Vector6};
 
 use crate::{
-    Findings, Options,
+    Findings, Options, perception,
     results::{Entry, Table},
     spread::{median, percent, quantiles},
 };
@@ -130,7 +130,8 @@ pub fn run(options: &Options) -> Result<Findings> {
         Entry::Count(cameras) => cameras,
         _ => 0,
     });
-    Ok(Findings { legend: LEGEND, tables: vec![table, refined] })
+    let perceived = perception::tables(options)?;
+    Ok(Findings { legend: [LEGEND, perception::LEGEND].concat(), tables: [vec![table, refined], perceived].concat() })
 }
 
 fn row(condition: Condition, times: &[f64], cameras: &[&Outcome]) -> Vec<Entry> {

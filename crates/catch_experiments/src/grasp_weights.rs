@@ -80,7 +80,7 @@ pub fn run(options: &Options) -> Result<Findings> {
     let [before, after] = [("in-use", today), ("chosen", fitted)].map(|(name, weights)| batch(name, 2, weights));
     let compared = comparison(&before.run(&held_out, folder)?, &after.run(&held_out, folder)?);
     Ok(Findings {
-        legend: LEGEND,
+        legend: LEGEND.to_owned(),
         tables: vec![
             weights_table(&model, &today, &fitted),
             objects_table(&thrown, &observations, &probabilities, &today),

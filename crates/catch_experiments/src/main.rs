@@ -3,33 +3,24 @@
 //! `cargo run --release -p catch_experiments -- NAME [--seed S] [--trials N]` runs one in the arena, with the
 //! arena's own cameras, and writes `docs/results/NAME.md` and `docs/results/NAME.json`; `list` lists them.
 
-mod ablation;
-mod arms;
 mod as_published;
 mod calibration;
+mod cameras;
 mod catch_rates;
-mod figures;
-mod finding;
 mod flights;
 mod grasp_weights;
-mod grippers;
+mod grippers_and_arms;
 mod logistic_regression;
 mod mistold;
-mod near_rates;
 mod objects;
 mod peers;
-mod pushed_cameras;
+mod perception;
 mod rates;
-mod recorded_throws;
 mod reliability;
 mod results;
 mod spread;
-mod stage_times;
 
-use std::{
-    collections::BTreeSet,
-    path::{Path, PathBuf},
-};
+use std::{collections::BTreeSet, path::PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Parser;
@@ -70,83 +61,59 @@ impl Options {
 /// Results of an experiment.
 pub struct Findings {
     /// Meaning of the columns, as Markdown.
-    pub legend: &'static str,
+    pub legend: String,
     /// The figures.
     pub tables: Vec<Table>,
 }
 
 const EXPERIMENTS: &[Experiment] = &[
     Experiment {
-        name: "perception",
-        about: "errors of poses and predicted positions by depth noise, with labels and without",
-        trials: 48,
-        run: flights::perception,
+        name: "catch-rates",
+        about: "how often the built-in arm catches the built-in objects",
+        trials: 600,
+        run: catch_rates::run,
     },
     Experiment {
-        name: "spin-and-drag",
-        about: "errors of poses and predicted positions for objects that spin through air, and in the scenario honest",
-        trials: 48,
-        run: flights::spin_and_drag,
-    },
-    Experiment {
-        name: "paper-stages",
-        about: "the paper's pose estimation and flight prediction beside ours, on the same throws",
-        trials: 24,
-        run: flights::paper_stages,
-    },
-    Experiment {
-        name: "stage-times",
-        about: "CPU time of each stage of the brain by depth noise, with labels and without",
-        trials: 8,
-        run: stage_times::run,
-    },
-    Experiment {
-        name: "near-rates",
-        about: "how often rigs of a few near cameras let the built-in arm catch",
-        trials: 400,
-        run: near_rates::run,
-    },
-    Experiment {
-        name: "finding",
-        about: "how soon near cameras find what flies, and whether they take a person who walks for it",
+        name: "objects",
+        about: "objects of public collections, imported by one command each and thrown in the scenario honest",
         trials: 100,
-        run: finding::run,
+        run: objects::run,
     },
     Experiment {
-        name: "pushed-cameras",
-        about: "how soon a near camera that was pushed is noticed in a life of many throws",
-        trials: 4,
-        run: pushed_cameras::run,
+        name: "grippers-and-arms",
+        about: "how often arms with hands that laboratories own catch the built-in objects",
+        trials: 100,
+        run: grippers_and_arms::run,
     },
     Experiment {
-        name: "calibration",
-        about: "how well near cameras are calibrated on the arm, from 50 mm and 5° off",
+        name: "cameras",
+        about: "how often rigs of a few near cameras let the built-in arm catch, and how soon a pushed camera is noticed",
+        trials: 200,
+        run: cameras::run,
+    },
+    Experiment {
+        name: "calibration-and-perception",
+        about: "errors of near cameras that are calibrated on the arm, and of poses and predictions",
         trials: 20,
         run: calibration::run,
     },
     Experiment {
-        name: "catch-rates",
-        about: "how often the built-in arm catches the built-in objects",
-        trials: 400,
-        run: catch_rates::run,
-    },
-    Experiment {
-        name: "ablation",
-        about: "what each assumption of the paper is worth, down to the scenario honest",
+        name: "mistold",
+        about: "what a wrong belief of the brain costs, one at a time, on the same throws",
         trials: 100,
-        run: ablation::run,
+        run: mistold::run,
     },
     Experiment {
-        name: "arms",
-        about: "what each built-in arm catches of the throws within its reach, and how long it searches",
-        trials: 100,
-        run: arms::run,
+        name: "reliability",
+        about: "how many positions lie in the ellipsoids that predictions claim",
+        trials: 60,
+        run: reliability::run,
     },
     Experiment {
-        name: "grippers",
-        about: "what each built-in gripper catches on two arms, and why it misses",
-        trials: 40,
-        run: grippers::run,
+        name: "flights",
+        about: "recorded throws, which --tracks names: predictions of their ends, and what is caught of them",
+        trials: 60,
+        run: flights::run,
     },
     Experiment {
         name: "as-published",
@@ -154,31 +121,6 @@ const EXPERIMENTS: &[Experiment] = &[
         trials: 57,
         run: as_published::run,
     },
-    Experiment {
-        name: "objects",
-        about: "objects of public collections, imported by one command each and thrown in the scenario honest",
-        trials: 20,
-        run: objects::run,
-    },
-    Experiment {
-        name: "reliability",
-        about: "how many positions lie in the ellipsoids that predictions claim, simulated, and recorded with --tracks",
-        trials: 60,
-        run: reliability::run,
-    },
-    Experiment {
-        name: "recorded-throws",
-        about: "what is caught of recorded throws, which --tracks names, as the built-in objects",
-        trials: 60,
-        run: recorded_throws::run,
-    },
-    Experiment {
-        name: "mistold",
-        about: "what a wrong belief of the brain costs, one at a time, on the same throws of honest",
-        trials: 150,
-        run: mistold::honest,
-    },
-    Experiment { name: "mistold-lab", about: "the same in the scenario lab", trials: 60, run: mistold::lab },
     Experiment {
         name: "peers",
         about: "other libraries at the same work, which benches/peers/run installs",
@@ -196,7 +138,7 @@ const EXPERIMENTS: &[Experiment] = &[
 #[derive(Debug, Parser)]
 #[command(about = "Measures and writes docs/results/NAME.md and NAME.json; `list` lists the experiments")]
 struct Arguments {
-    /// Name of an experiment, `list`, or `figures` for those of docs/pictures.
+    /// Name of an experiment, or `list`.
     name: String,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
@@ -221,12 +163,9 @@ fn main() -> Result<()> {
         }
         return Ok(());
     }
-    if name == "figures" {
-        return figures::write(Path::new("docs/pictures"));
-    }
     let Some(experiment) = EXPERIMENTS.iter().find(|it| it.name == name) else {
         let names: BTreeSet<&str> = EXPERIMENTS.iter().map(|it| it.name).collect();
-        bail!("there is no experiment `{name}`; expected `list`, `figures` or one of {names:?}");
+        bail!("there is no experiment `{name}`; expected `list` or one of {names:?}");
     };
     let options = Options { seed, trials: trials.unwrap_or(experiment.trials), tracks };
     let findings = (experiment.run)(&options).with_context(|| format!("experiment {name}"))?;

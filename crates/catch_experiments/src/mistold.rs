@@ -70,20 +70,15 @@ const BELIEFS: &[(&str, Values, Change)] = &[
     }),
 ];
 
-/// Every object and belief in the scenario `honest`.
-pub fn honest(options: &Options) -> Result<Findings> {
-    run("honest", options)
+/// Every object and belief in the scenarios with noisy cameras.
+pub fn run(options: &Options) -> Result<Findings> {
+    let tables = ["honest", "lab"].map(|scenario| table(scenario, options));
+    Ok(Findings { legend: LEGEND.to_owned(), tables: tables.into_iter().collect::<Result<_>>()? })
 }
 
-/// Runs the experiment in the scenario `lab`.
-pub fn lab(options: &Options) -> Result<Findings> {
-    run("lab", options)
-}
-
-fn run(scenario: &str, options: &Options) -> Result<Findings> {
-    let columns =
-        ["scenario", "belief", "value", "object", "pairs", "right, %", "wrong, %", "difference, points", "from", "to"];
-    let mut table = Table::new("What a wrong belief costs", &columns);
+fn table(scenario: &str, options: &Options) -> Result<Table> {
+    let columns = ["belief", "value", "object", "pairs", "right, %", "wrong, %", "difference, points", "from", "to"];
+    let mut table = Table::new(&format!("What a wrong belief costs in `{scenario}`"), &columns);
     let mut right = Vec::new();
     for object in Kind::Object.names() {
         right.push(Case { scenario, object, belief: "right", value: "" }.caught(
@@ -105,7 +100,7 @@ fn run(scenario: &str, options: &Options) -> Result<Findings> {
             table.rows.push(Case { scenario, object: "", belief, value }.row("all", together));
         }
     }
-    Ok(Findings { legend: LEGEND, tables: vec![table] })
+    Ok(table)
 }
 
 /// Throws of one object with one belief.
@@ -155,7 +150,7 @@ impl Case<'_> {
         let [from, to] = paired95(gained, lost, pairs);
         let points = |it: f64| Entry::Number(Some(100.0 * it));
         let difference = (gained as f64 - lost as f64) / pairs.max(1) as f64;
-        let mut row: Vec<Entry> = [self.scenario, self.belief, self.value, object].map(Entry::text).into();
+        let mut row: Vec<Entry> = [self.belief, self.value, object].map(Entry::text).into();
         row.push(Entry::Count(pairs));
         row.extend([percent(right, pairs), percent(right + gained - lost, pairs)]);
         row.extend([points(difference), points(from), points(to)]);

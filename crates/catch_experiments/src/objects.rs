@@ -130,7 +130,7 @@ pub fn run(options: &Options) -> Result<Findings> {
         }
     }
     let beside = beside(&listed.pair, folder, options)?;
-    Ok(Findings { legend: LEGEND, tables: vec![imports, thrown, sampled, beside] })
+    Ok(Findings { legend: LEGEND.to_owned(), tables: vec![imports, thrown, sampled, beside] })
 }
 
 /// Meshes beside the built-in objects that stand for them, on the same throws.

@@ -24,7 +24,7 @@ use catch_lab::planner_cases;
 use catch_sim::random_streams::Draws;
 use serde_json::Value;
 
-use crate::{Findings, Options, results::Table, stage_times::cpu_ms};
+use crate::{Findings, Options, results::Table, spread::cpu_ms};
 
 const LEGEND: &str = "`benches/peers/run` makes the environment of Python and calls the command. Everything runs in one thread on one core. \
 Times are CPU times, the least of five repetitions, so that other programs disturb little. Where problems are timed one by one, the table has the median and the most of these least times. \
@@ -77,7 +77,7 @@ pub fn run(options: &Options) -> Result<Findings> {
     tables.push(trials::table(options)?);
     tables.push(growth::table(options)?);
     tables.extend(of_peers("versions", folder)?);
-    Ok(Findings { legend: LEGEND, tables })
+    Ok(Findings { legend: LEGEND.to_owned(), tables })
 }
 
 /// Tables that a script makes of its problems.

@@ -1,18 +1,11 @@
 //! Reliability diagrams: how many positions lie in the ellipsoids that predictions claim, by time to go.
 
-use std::path::Path;
-
-use anyhow::{Context, Result};
+use anyhow::Result;
 use catch_bot::trajectory_prediction::FlightTrajectory;
 use catch_cell::{Brain, Cell, Command};
 use catch_lab::{
     assets::Kind,
-    flights::{
-        flight_learning,
-        flight_misses::{Miss, Misses, QUANTILES, Reliability, Seen, Throw},
-        stretches::up,
-        track_file,
-    },
+    flights::flight_misses::{Miss, Misses, QUANTILES, Reliability},
     parallel,
     referee::true_com_O,
     scenario::setup::{Choice, Setup},
@@ -25,18 +18,14 @@ use crate::{
 
 const LEGEND: &str = "An error is the distance from the predicted to the true position at one time. The last columns are the diagram: how many of the true positions lie \
 in the ellipsoids that claim to hold 50, 80, 95 and 99 % of them. Simulated throws are random ones, seen by the brain with the cameras of the \
-scenario. What is predicted is the position 0.6 s after the release, and the arm stands still. Recorded throws are tracks of motion capture \
-([their source](flights.md)), whose last row is predicted. The prior is learned from other throws of the object, or from the other objects.";
+scenario. What is predicted is the position 0.6 s after the release, and the arm stands still.";
 
 /// Time after the release for which positions are predicted, in seconds: shortly before objects are caught.
 const PREDICTED_FOR_S: f64 = 0.6;
 /// Times from the prediction to that instant, in seconds.
 const TO_GO_S: [f64; 4] = [0.4, 0.3, 0.2, 0.1];
-/// Recorded throws that are learned from at least, and parts of the cross-validation.
-const LEAST_THROWS: usize = 5;
-const FOLDS: usize = 5;
 
-/// The scenarios that have noisy cameras, and the recordings if there are any.
+/// The scenarios that have noisy cameras.
 pub fn run(options: &Options) -> Result<Findings> {
     let mut tables = Vec::new();
     for scenario in ["honest", "honest-aero"] {
@@ -52,10 +41,7 @@ pub fn run(options: &Options) -> Result<Findings> {
         }
         tables.push(table(&format!("Simulated, `{scenario}`"), &TO_GO_S.map(|it| format!("{it} s to go")), of_objects));
     }
-    if !options.tracks.is_empty() {
-        tables.extend(recorded(options)?);
-    }
-    Ok(Findings { legend: LEGEND, tables })
+    Ok(Findings { legend: LEGEND.to_owned(), tables })
 }
 
 /// The misses of one throw by time to go; `None` where something touched the object.
@@ -86,46 +72,8 @@ fn simulated(setup: &Setup, seed: u64, index: u64) -> Option<[Option<Miss>; 4]> 
     }))
 }
 
-/// Each object's throws by what other throws taught, and by what the other objects taught.
-fn recorded(options: &Options) -> Result<Vec<Table>> {
-    let (mut own, mut priors) = (Vec::new(), Vec::new());
-    let throws = options.tracks.iter().map(|it| read(it)).collect::<Result<Vec<_>>>()?;
-    let throws: Vec<_> = throws.iter().map(|it| flight_learning::studied(it)).collect();
-    let nothing = "no flight in any of the tracks";
-    for (folder, throws) in options.tracks.iter().zip(&throws) {
-        own.push((name(folder), flight_learning::cross_validated(throws, FOLDS, || ()).context(nothing)?));
-        priors.push(flight_learning::learn(&throws.iter().collect::<Vec<_>>()).context(nothing)?);
-    }
-    let mut others = Vec::new();
-    for (at, (folder, throws)) in options.tracks.iter().zip(&throws).enumerate().filter(|_| priors.len() > 1) {
-        let rest: Vec<_> = priors.iter().enumerate().filter(|(i, _)| *i != at).map(|(_, it)| it.clone()).collect();
-        others.push((name(folder), flight_learning::left_out(throws, &rest).context(nothing)?));
-    }
-    let seen = || {
-        Seen::ALL.map(|seen| match seen {
-            Seen::Half => "half of the throw".to_owned(),
-            Seen::AllBut(to_go_s) => format!("{to_go_s} s to go"),
-        })
-    };
-    let mut tables = vec![table("Recorded, learned from other throws of the object", &seen(), own)];
-    if !others.is_empty() {
-        tables.push(table("Recorded, learned from the other objects", &seen(), others));
-    }
-    Ok(tables)
-}
-
-fn read(folder: &Path) -> Result<Vec<Throw>> {
-    let first = track_file::in_folder(folder, LEAST_THROWS)?.swap_remove(0);
-    let up = up(&track_file::read(&first)?.0);
-    Ok(Throw::read_folder(folder, up, LEAST_THROWS)?)
-}
-
-fn name(folder: &Path) -> String {
-    folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned()
-}
-
 /// A line for each object and time, and for all objects together.
-fn table(title: &str, times: &[String; 4], mut of_objects: Vec<(String, Misses)>) -> Table {
+pub fn table(title: &str, times: &[String; 4], mut of_objects: Vec<(String, Misses)>) -> Table {
     let claimed = QUANTILES.map(|(claimed, _)| format!("in {:.0} %, %", 100.0 * claimed));
     let columns = ["object", "predicted", "throws", "without", "median, cm", "p95, cm"].map(str::to_owned);
     let mut table = Table::new(title, &[]);

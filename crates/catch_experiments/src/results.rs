@@ -183,7 +183,7 @@ mod tests {
         for value in [Some(0.012_345), Some(123.4), Some(0.0), None] {
             table.rows.push(vec![Entry::text("none"), Entry::Count(3), Entry::Number(value)]);
         }
-        let findings = Findings { legend: "Errors are medians.", tables: vec![table] };
+        let findings = Findings { legend: "Errors are medians.".to_owned(), tables: vec![table] };
         let path = write(&folder, "example", "errors", &Options { seed: 7, trials: 9, tracks: Vec::new() }, &findings)
             .unwrap();
         let page = fs::read_to_string(&path).unwrap();

@@ -1,4 +1,4 @@
-//! Quantiles of what was measured, as entries of tables.
+//! Times, and quantiles of what was measured as entries of tables.
 
 use catch_body::statistics::{quantile, sorted};
 
@@ -19,4 +19,15 @@ pub fn median(values: &[f64], factor: f64) -> Entry {
 /// A part of a whole in percent.
 pub fn percent(part: usize, whole: usize) -> Entry {
     Entry::Number((whole > 0).then(|| 100.0 * part as f64 / whole as f64))
+}
+
+/// CPU time of this thread in milliseconds, which other programs hardly disturb; not a number where it cannot
+/// be told.
+pub fn cpu_ms() -> f64 {
+    #[cfg(unix)]
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    #[cfg(unix)]
+    return time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6;
+    #[cfg(not(unix))]
+    f64::NAN
 }

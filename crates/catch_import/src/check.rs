@@ -19,12 +19,12 @@ use super::{
 };
 
 use catch_lab::{
-    assets::{Asset, KNOWN_FILE, Kind},
+    assets::{Asset, KNOWN_FILE, Kind, Origin},
+    camera_placement,
     scenario::{
         Scenario,
         setup::{Choice, Setup},
     },
-    study::Study,
 };
 
 /// Result of a check.
@@ -39,10 +39,7 @@ pub struct Checked {
 }
 
 /// Fields that only one kind of file has.
-const TELLTALES: [(&str, Kind); 17] = [
-    ("overlay", Kind::Study),
-    ("throw_grid", Kind::Study),
-    ("objects", Kind::Study),
+const TELLTALES: [(&str, Kind); 14] = [
     ("extends", Kind::Scenario),
     ("flight_rig", Kind::Scenario),
     ("arena", Kind::Scenario),
@@ -59,18 +56,18 @@ const TELLTALES: [(&str, Kind); 17] = [
     ("common_fraction", Kind::Camera),
 ];
 
-/// Checks one file.
+/// Checks one file, or what is built in under this name.
 pub fn check(path: &Path) -> Checked {
+    let built_in = built_in(path);
     let path = described_file(path);
     // Every kind of file is read in the same way; which kind it is only shows afterwards.
-    let asset = match Asset::on_disk(Kind::Scenario, &path) {
+    let asset = match built_in.clone().map_or_else(|| Asset::on_disk(Kind::Scenario, &path), Ok) {
         Ok(asset) => asset,
         Err(InputError { file, field, found, expected, .. }) => {
             // "at most 1 MiB: …", "a regular file: …"
             let limit = expected.split_once(": ").map(|(limit, _)| format!("{limit}: ")).unwrap_or_default();
-            let expected = format!(
-                "{limit}a readable file: a scenario, robot, gripper, workcell, object, throw, camera, rig or study"
-            );
+            let expected =
+                format!("{limit}a readable file: a scenario, robot, gripper, workcell, object, throw, camera or rig");
             return Checked::unreadable(InputError::new(file, field, found, expected));
         }
     };
@@ -80,7 +77,8 @@ pub fn check(path: &Path) -> Checked {
     };
     let kind = TELLTALES.iter().find(|(field, _)| table.contains_key(*field)).map(|&(_, kind)| kind);
     // A thing in a folder of its own bears the folder's name.
-    let asset = kind.map_or(Ok(asset.clone()), |kind| Asset::on_disk(kind, &path)).unwrap_or(asset);
+    let kind_on_disk = kind.filter(|_| built_in.is_none());
+    let asset = kind_on_disk.map_or(Ok(asset.clone()), |kind| Asset::on_disk(kind, &path)).unwrap_or(asset);
     let mut examined = Examined::default();
     let faults = match kind {
         Some(kind) => {
@@ -95,7 +93,7 @@ pub fn check(path: &Path) -> Checked {
         None => {
             let fields: Vec<&str> = table.keys().map(String::as_str).collect();
             let found = if fields.is_empty() { "nothing".to_owned() } else { format!("fields {}", fields.join(", ")) };
-            let expected = "the fields of a scenario, robot, gripper, workcell, object, throw, camera, rig or study (`catchingbot list --show NAME` prints one)";
+            let expected = "the fields of a scenario, robot, gripper, workcell, object, throw, camera or rig (`catchingbot list --show NAME` prints one)";
             vec![InputError::new(&asset.file, "the file", found, expected)]
         }
     };
@@ -107,9 +105,17 @@ pub fn check(path: &Path) -> Checked {
             let margins = gripper_of(&asset).map(|it| gripper_check::notes(&it));
             notes_of_name(&asset, &table).into_iter().chain(margins.unwrap_or_default()).collect()
         }
+        Some(Kind::Rig) if faults.is_empty() => notes_of_rig(&asset),
         _ => Vec::new(),
     };
     Checked { kind, faults, notes }
+}
+
+/// The built-in asset of this name, if there is no such file.
+fn built_in(path: &Path) -> Option<Asset> {
+    let name = path.to_str().filter(|_| !path.exists())?;
+    let kind = Kind::ALL.into_iter().find(|kind| kind.names().contains(&name))?;
+    Asset::find(kind, name, &Origin::BuiltIn(PathBuf::new()), ("", "")).ok()
 }
 
 impl Checked {
@@ -183,6 +189,21 @@ fn notes_of_name(asset: &Asset, table: &toml::Table) -> Vec<String> {
     name.map(note).into_iter().collect()
 }
 
+/// Scenarios for whose throws a rig of few cameras is judged.
+const RIG_SCENARIOS: [&str; 2] = ["lab", "honest"];
+
+/// Notes on what the cameras of a rig know of throws.
+fn notes_of_rig(asset: &Asset) -> Vec<String> {
+    let Ok(cameras) = catch_cell::rig_from_toml(&asset.file, &asset.text) else { return Vec::new() };
+    let note = |scenario| {
+        let setup = Setup::load(&Choice { scenario: Some(scenario), ..Choice::default() }).ok()?;
+        let score = camera_placement::score_of(&setup, &cameras).ok()?;
+        let summary = score.summary(setup.scenario.brain.grasp_selection.finger_margin_m);
+        Some(format!("throws of `{scenario}`: {summary}"))
+    };
+    RIG_SCENARIOS.into_iter().filter_map(note).collect()
+}
+
 /// Notes on the shape with which an object collides; none for an object that cannot be read.
 fn notes_of_object(asset: &Asset) -> Vec<String> {
     let Ok(object) = asset.thrown_object() else { return Vec::new() };
@@ -226,11 +247,6 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
         Kind::Throw => asset.throw().map(drop),
         Kind::Workcell => Workcell::from_toml(file, text).map(drop),
         Kind::Rig => catch_cell::rig_from_toml(file, text).map(drop),
-        Kind::Study => Study::of(asset.clone()).and_then(|study| {
-            let objects = study.objects();
-            // Whatever a step names is read.
-            study.steps.iter().try_for_each(|step| study.cells(step, &Choice::default(), &objects[..1]).map(drop))
-        }),
     };
     result.err().into_iter().flat_map(InputError::all).collect()
 }

@@ -22,8 +22,6 @@ const GRIPPER: &str = include_str!("templates/gripper.toml");
 const WORKCELL: &str = include_str!("templates/workcell.toml");
 const CAMERA: &str = include_str!("templates/camera.toml");
 const RIG: &str = include_str!("templates/rig.toml");
-/// Variants of the scenario that is meant when none is named.
-const STUDY: &str = include_str!("templates/study.toml");
 
 /// A file: its name, and its content.
 pub type NewFile = (String, String);
@@ -50,7 +48,6 @@ pub fn files(kind: Kind, name: &str) -> Result<Vec<NewFile>, InputError> {
         Kind::Workcell => filled_in(WORKCELL),
         Kind::Camera => filled_in(CAMERA),
         Kind::Rig => filled_in(RIG),
-        Kind::Study => filled_in(STUDY),
         Kind::Robot => {
             let scenario = scenario()?;
             let named = Scenario::of_asset(&scenario)?.robot;

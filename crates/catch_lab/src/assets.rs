@@ -1,4 +1,4 @@
-//! Robots, grippers, workcells, objects, throws, cameras, rigs of them, scenarios and studies: those that are
+//! Robots, grippers, workcells, objects, throws, cameras, rigs of them, and scenarios: those that are
 //! built in, and the user's files.
 //!
 //! Wherever something is named, a built-in name or the path of a file may stand. A file refers to others by
@@ -41,8 +41,6 @@ pub enum Kind {
     Camera,
     /// An arrangement of cameras.
     Rig,
-    /// Variants of a scenario.
-    Study,
 }
 
 /// The brain's knowledge of an object, in the folder of the object.
@@ -52,7 +50,7 @@ const SHAPES: [&str; 8] = ["obj", "stl", "ply", "dae", "gltf", "glb", "sdf", "ur
 
 impl Kind {
     /// All kinds, in the order in which a person would ask for them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 8] = [
         Self::Scenario,
         Self::Object,
         Self::Throw,
@@ -61,7 +59,6 @@ impl Kind {
         Self::Workcell,
         Self::Camera,
         Self::Rig,
-        Self::Study,
     ];
 
     /// Several of them, which is also the folder of the built-in ones.
@@ -75,7 +72,6 @@ impl Kind {
             Self::Workcell => "workcells",
             Self::Camera => "cameras",
             Self::Rig => "rigs",
-            Self::Study => "studies",
         }
     }
 
@@ -114,7 +110,6 @@ impl Display for Kind {
             Self::Workcell => "workcell",
             Self::Camera => "camera",
             Self::Rig => "rig",
-            Self::Study => "study",
         })
     }
 }

@@ -36,6 +36,8 @@ const LONGEST_S: f64 = 1.5;
 const TICK_S: f64 = 0.01;
 /// Quantiles of the flights' times at whose mean places cameras may be aimed.
 const AIMS: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
+/// Standard deviations that the free space between object and fingers should hold.
+const SURE_SD: f64 = 3.0;
 /// Aimed places times throws, at most: of each two matrices are kept, 600 MB in all.
 const MOST_TOLD: f64 = 1e6;
 
@@ -104,6 +106,34 @@ pub fn quantile_m(rising: &[f64], fraction: f64) -> f64 {
     rising.get(at).copied().unwrap_or(f64::NAN)
 }
 
+impl Score {
+    /// A sentence on what the cameras know of the throws, and whether it is enough for this free space between
+    /// object and fingers on each side, in metres.
+    pub fn summary(&self, margin_m: f64) -> String {
+        let [middle_m, high_m] = [0.5, 0.9].map(|fraction| quantile_m(&self.decision_sd_m, fraction));
+        let known = format!(
+            "two cameras or more show the object for {:.0} % of its way to the catch; when the catch is decided, its place there is \
+             known to {:.1} mm (90 % of the throws: {:.1} mm)",
+            self.shown_by_two * 100.0,
+            middle_m * 1e3,
+            high_m * 1e3
+        );
+        if SURE_SD * high_m <= margin_m {
+            return known;
+        }
+        let too_little = format!("too little for fingers that leave {:.0} mm on each side", margin_m * 1e3);
+        format!("{known}: {too_little}; `catchingbot place-cameras` finds better poses")
+    }
+}
+
+/// What some cameras know of the throws of a setup.
+///
+/// # Errors
+/// Throws that are over before the catch would be decided.
+pub fn score_of(setup: &Setup, cameras: &[CameraModel]) -> Result<Score, InputError> {
+    Ok(PlacementStudy::new(setup, &Config::default())?.score(cameras))
+}
+
 /// Cameras that were placed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placement {
@@ -160,7 +190,7 @@ impl<'a> PlacementStudy<'a> {
         if told > MOST_TOLD {
             let found = format!("{} m and {}", config.spacing_m, config.throws);
             let expected = format!("a spacing {:.1} times as large, or fewer throws", (told / MOST_TOLD).sqrt());
-            return Err(InputError::new(COMMAND_LINE, "--spacing and --throws", found, expected));
+            return Err(InputError::new(COMMAND_LINE, "--spacing and --trials", found, expected));
         }
         let flight = |index| {
             let release = setup.release(config.seed, index);
@@ -529,7 +559,7 @@ mod tests {
         let closing = fault(Config { closing_s: 0.5, decision_s: 0.3, ..config(1) });
         assert!(closing.contains("--closing"), "{closing}");
         let dense = fault(Config { spacing_m: 0.05, throws: 1000, ..config(1) });
-        assert!(dense.contains("--spacing and --throws"), "{dense}");
+        assert!(dense.contains("--spacing and --trials"), "{dense}");
         let everywhere = Config { clear_m: 20.0, ..config(1) };
         let study = PlacementStudy::new(&setup, &everywhere).unwrap();
         assert!(study.place(&setup.cameras[0]).unwrap_err().to_string().contains("no such place"));

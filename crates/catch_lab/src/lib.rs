@@ -48,7 +48,6 @@
 //! | [`referee`] | the only place where truth meets score |
 //! | [`recording`] | a throw on disk with its truth: story, replay, what is measured with it |
 //! | [`evaluation`] | many trials: rows on disk, statistics, tables |
-//! | [`study`] | evaluations of many variants of a scenario |
 //! | [`play`] | many throws in one life |
 //! | [`scenario::setup::calibration`] | where cameras stand, from what they see of the arm |
 //! | [`camera_placement`] | where cameras tell most about throws |
@@ -77,7 +76,6 @@ pub mod reachability;
 pub mod recording;
 pub mod referee;
 pub mod scenario;
-pub mod study;
 
 pub mod trial;
 

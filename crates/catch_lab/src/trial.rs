@@ -1,6 +1,5 @@
 //! One trial: an object is thrown, and the brain tries to catch it.
 
-pub mod residual;
 pub mod steering;
 pub mod stopwatch;
 

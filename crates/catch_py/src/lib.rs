@@ -26,7 +26,6 @@ mod registration;
 mod setup;
 mod steered_arena;
 mod stepping;
-mod study;
 mod trial;
 
 use pyo3::prelude::*;
@@ -53,7 +52,6 @@ mod _catchingbot {
         setup::Setup,
         steered_arena::SteeredArena,
         stepping::Arena,
-        study::{study_setup, study_steps},
         trial::{Trial, trial_from},
     };
     use pyo3::prelude::*;

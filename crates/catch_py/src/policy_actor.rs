@@ -1,18 +1,8 @@
 //! Commands from a learned policy's actions: they keep the arm's limits.
 
-use std::{mem, time::Instant};
-
 use catch_body::JointVector;
-use catch_bot::Report;
-use catch_cell::{ArmTrajectory, BSpline, Brain as _, Command, GripperMove, Observation, Setpoint, TrajectoryId};
-use catch_lab::{
-    scenario::setup::Setup,
-    trial::{StateSnapshot, residual::ResidualMotion, steering::Steering, stopwatch::Stopwatch},
-};
-use catch_recording::brain::ChosenBrain;
-
-use crate::policy_view::{SeenArray, row};
-
+use catch_cell::{ArmTrajectory, BSpline, Command, GripperMove, Observation, Setpoint, TrajectoryId};
+use catch_lab::{scenario::setup::Setup, trial::steering::Steering};
 /// Trajectories that are remembered: more than are sent until one is told to be rejected.
 const REMEMBERED: usize = 64;
 
@@ -23,15 +13,6 @@ pub enum Action {
     Acceleration,
     /// The change of its position until the next action.
     Delta,
-    /// The offset from the motion of the scenario's brain.
-    Residual,
-}
-
-impl Action {
-    /// Numbers of an action: one for each joint, and one for the gripper where the brain does not close it.
-    pub fn len(self, dof: usize) -> usize {
-        dof + usize::from(self != Self::Residual)
-    }
 }
 
 /// Time from one action to the next.
@@ -93,67 +74,6 @@ impl SteeredArm {
             command.gripper = Some(vec![GripperMove { start_s, width_m, speed_mps, force_n }]);
         }
         command
-    }
-}
-
-/// The scenario's brain, whose motions actions shift.
-pub struct ShiftedBrain {
-    brain: Box<ChosenBrain>,
-    stopwatch: Stopwatch,
-    motion: ResidualMotion,
-    /// Command of the brain.
-    command: Command,
-    sensed: Option<(StateSnapshot, Instant)>,
-}
-
-impl ShiftedBrain {
-    /// One that has seen nothing yet.
-    pub fn new(setup: &Setup, seed: u64, index: u64) -> Self {
-        let ready_q = &setup.robot.ready_q;
-        Self {
-            brain: Box::new(setup.brain(seed, index)),
-            stopwatch: Stopwatch::default(),
-            motion: ResidualMotion::new(&setup.robot, &setup.gripper, period_s(setup), ready_q),
-            command: Command::default(),
-            sensed: None,
-        }
-    }
-
-    /// Returns the state and the plan of the brain after its last tick.
-    pub fn report(&self) -> &Report {
-        self.brain.report()
-    }
-
-    /// One decision about what was sensed.
-    pub fn tick(&mut self, sensed: &mut Observation) {
-        let since = Instant::now();
-        let arm = self.motion.arm_of_brain(&sensed.arm);
-        let real = arm.map(|arm| mem::replace(&mut sensed.arm, arm));
-        self.stopwatch.start();
-        self.command = self.brain.tick(sensed, &mut self.stopwatch);
-        self.stopwatch.stop();
-        if let Some(real) = real {
-            sensed.arm = real;
-        }
-        let report = Some(self.brain.report().clone());
-        let snapshot = StateSnapshot { time_s: sensed.time_s, report, stage_ms: self.stopwatch.last_tick_ms() };
-        self.sensed = Some((snapshot, since));
-    }
-
-    /// Returns the brain's command, shifted, with its snapshot and the duration of the computation in
-    /// seconds.
-    pub fn command(&mut self, setup: &Setup, start_s: f64, action: &[f64]) -> Option<(Command, StateSnapshot, f64)> {
-        let (snapshot, since) = self.sensed.take()?;
-        let command = self.motion.shifted(mem::take(&mut self.command), start_s, &joints(setup, action));
-        Some((command, snapshot, since.elapsed().as_secs_f64()))
-    }
-
-    /// Offsets of the joints from the brain's motion, how long it is until the catch in seconds, and 1 where
-    /// one is planned.
-    pub fn seen(&self, setup: &Setup, time_s: f64) -> SeenArray {
-        let offset = self.motion.offset(time_s).q;
-        let plan = self.report().plan.as_ref().map_or([0.0; 2], |plan| [plan.catch_s - time_s, 1.0]);
-        row("plan", [&offset.as_slice()[..setup.robot.dof()], &plan].concat())
     }
 }
 

@@ -49,16 +49,6 @@ impl Setup {
         let make = py.import("catchingbot._catchingbot")?.getattr("recorded_setup")?;
         Ok(Self { lab, made_by: (make.unbind(), (file,).into_pyobject(py)?.unbind()) })
     }
-
-    /// A condition of a study: the study, and the numbers of step and condition.
-    pub fn of_study(
-        py: Python<'_>,
-        lab: Arc<LabSetup>,
-        (study, step, condition): (&str, usize, usize),
-    ) -> PyResult<Self> {
-        let make = py.import("catchingbot._catchingbot")?.getattr("study_setup")?;
-        Ok(Self { lab, made_by: (make.unbind(), (study, step, condition).into_pyobject(py)?.unbind()) })
-    }
 }
 
 /// Throws of an evaluation at most, as on the command line.
@@ -296,8 +286,7 @@ impl Setup {
     }
 
     /// An arena for learned policies. `obs` is what is seen besides the arm: 'state', 'pose', 'depth' or
-    /// 'cloud'; `action` is what the numbers of an action are: 'acceleration' or 'delta', or 'residual' where
-    /// the scenario's brain acts and the policy shifts its motions.
+    /// 'cloud'; `action` is what the numbers of an action are: 'acceleration' or 'delta'.
     #[pyo3(
         signature = (seed=Whole::Default(1), index=Whole::Default(0), *, obs="state", action="acceleration"),
         text_signature = "($self, seed=1, index=0, *, obs='state', action='acceleration')"
@@ -311,12 +300,11 @@ impl Setup {
         action: &str,
     ) -> PyResult<SteeredArena> {
         let views = [("state", View::State), ("pose", View::Pose), ("depth", View::Depth), ("cloud", View::Cloud)];
-        let actions =
-            [("acceleration", Action::Acceleration), ("delta", Action::Delta), ("residual", Action::Residual)];
+        let actions = [("acceleration", Action::Acceleration), ("delta", Action::Delta)];
         let expected = "'state', 'pose', 'depth' or 'cloud'";
         let view =
             views.iter().find(|(name, _)| *name == obs).ok_or_else(|| fault("obs", format!("'{obs}'"), expected))?;
-        let expected = "'acceleration', 'delta' or 'residual'";
+        let expected = "'acceleration' or 'delta'";
         let action = actions
             .iter()
             .find(|(name, _)| *name == action)

@@ -25,7 +25,7 @@ use pyo3::{
 
 use crate::{
     arguments::{Numbers, fault, json_dict},
-    policy_actor::{Action, ShiftedBrain, SteeredArm},
+    policy_actor::{Action, SteeredArm},
     policy_view::{self, SeenArray, View},
     trial::line,
 };
@@ -47,7 +47,6 @@ pub struct SteeredArena {
     setup: Arc<Setup>,
     scene: (u64, u64),
     view: View,
-    action: Action,
     state: Mutex<Option<State>>,
 }
 
@@ -56,16 +55,10 @@ struct State {
     sensed: Observation,
     seen: Vec<SeenArray>,
     eyes: Option<Box<Eyes>>,
-    /// Windows of the next images, as in [`Command::windows`]; a brain that acts asks by itself.
+    /// Windows of the next images, as in [`Command::windows`].
     windows: Option<Vec<PixelWindow>>,
-    actor: Actor,
+    arm: Box<SteeredArm>,
     row: Option<Row>,
-}
-
-/// Actor that makes commands of actions.
-enum Actor {
-    Steered(Box<SteeredArm>),
-    Shifted(Box<ShiftedBrain>),
 }
 
 impl SteeredArena {
@@ -77,21 +70,14 @@ impl SteeredArena {
         }
         let mut episode = Box::new(Episode::new(setup, seed, index));
         let sensed = episode.sense();
-        let actor = match action {
-            Action::Residual => Actor::Shifted(Box::new(ShiftedBrain::new(setup, seed, index))),
-            Action::Acceleration | Action::Delta => {
-                Actor::Steered(Box::new(SteeredArm::new(setup, action, sensed.time_s)))
-            }
-        };
-        // A brain that acts has eyes of its own.
-        let is_alone = matches!(actor, Actor::Steered(_));
-        let eyes = (view == View::Pose && is_alone).then(|| Box::new(eyes(setup, seed, index)));
+        let arm = Box::new(SteeredArm::new(setup, action, sensed.time_s));
+        let eyes = (view == View::Pose).then(|| Box::new(eyes(setup, seed, index)));
         // Images that nobody looks at are not taken.
         let windows = (view == View::State).then(|| vec![PixelWindow::default(); setup.cameras.len()]);
-        let mut state = State { episode: Some(episode), seen: Vec::new(), eyes, windows, actor, row: None, sensed };
+        let mut state = State { episode: Some(episode), seen: Vec::new(), eyes, windows, arm, row: None, sensed };
         state.think();
         state.look(setup, view);
-        Ok(Self { setup: setup.clone(), scene: (seed, index), view, action, state: Mutex::new(Some(state)) })
+        Ok(Self { setup: setup.clone(), scene: (seed, index), view, state: Mutex::new(Some(state)) })
     }
 
     fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut State) -> PyResult<T> + Send) -> PyResult<T> {
@@ -123,16 +109,8 @@ impl State {
         let Some(episode) = &mut self.episode else { return true };
         let start_s = self.sensed.time_s + setup.scenario.brain.control.expected_latency_s;
         let snapshot = StateSnapshot { time_s: self.sensed.time_s, report: None, stage_ms: Vec::new() };
-        let (command, snapshot, computed_s) = match &mut self.actor {
-            Actor::Steered(arm) => {
-                let command = arm.command(setup, &self.sensed, start_s, action);
-                (Command { windows: self.windows.clone(), ..command }, snapshot, 0.0)
-            }
-            Actor::Shifted(brain) => {
-                brain.command(setup, start_s, action).unwrap_or((Command::default(), snapshot, 0.0))
-            }
-        };
-        episode.act(&command, snapshot, computed_s);
+        let command = self.arm.command(setup, &self.sensed, start_s, action);
+        episode.act(&Command { windows: self.windows.clone(), ..command }, snapshot, 0.0);
         let is_done = episode.is_done();
         if !is_done {
             self.sensed = episode.sense();
@@ -142,46 +120,35 @@ impl State {
         is_done
     }
 
-    /// Whatever sees or decides does so once for what was sensed.
+    /// Perception and prediction of what was sensed.
     fn think(&mut self) {
         if let Some(eyes) = &mut self.eyes {
             self.windows = eyes.tick(&self.sensed, &mut ()).windows;
-        }
-        if let Actor::Shifted(brain) = &mut self.actor {
-            brain.tick(&mut self.sensed);
         }
     }
 
     /// The arrays of what was sensed.
     fn look(&mut self, setup: &Setup, view: View) {
-        let Self { sensed, episode, eyes, actor, .. } = self;
-        let brain = match actor {
-            Actor::Shifted(brain) => Some(brain),
-            Actor::Steered(_) => None,
-        };
+        let Self { sensed, episode, eyes, .. } = self;
         let seen = match view {
             View::State => {
                 let last = episode.as_ref().and_then(|it| it.truth().samples.last());
                 policy_view::object(last.map(|it| (it.X_WO, it.V_WO)), None, sensed.time_s)
             }
-            View::Pose => {
-                let report = eyes.as_ref().map(|it| it.report()).or(brain.as_ref().map(|it| it.report()));
-                policy_view::object(None, report, sensed.time_s)
-            }
+            View::Pose => policy_view::object(None, eyes.as_ref().map(|it| it.report()), sensed.time_s),
             View::Depth => policy_view::depth(setup, sensed),
             View::Cloud => policy_view::cloud(setup, sensed),
         };
         self.seen = vec![policy_view::arm(setup, sensed), seen];
-        self.seen.extend(brain.map(|it| it.seen(setup, sensed.time_s)));
     }
 }
 
 #[pymethods]
 impl SteeredArena {
     /// Acts until the next image; whether the throw is over then. `action` has a number from -1 to 1 for each
-    /// joint and, unless a brain acts along, one for the gripper, which closes above 0.
+    /// joint and one for the gripper, which closes above 0.
     fn step(&self, py: Python<'_>, action: &Bound<'_, PyAny>) -> PyResult<bool> {
-        let action = Numbers::read("action", action, &[self.action.len(self.setup.robot.dof())])?.values;
+        let action = Numbers::read("action", action, &[self.setup.robot.dof() + 1])?.values;
         self.with(py, |state| {
             if state.row.is_some() {
                 return Err(PyRuntimeError::new_err("arena: the throw is done"));
@@ -197,8 +164,7 @@ impl SteeredArena {
 
     /// Last observation, as arrays of one shape: `arm` (positions, velocities, gripper width, time), and
     /// `object` (position, orientation as x, y, z, w, velocity, angular velocity, and 1 where it is seen),
-    /// `depth` or `cloud`. Where a brain acts along, `plan` has the offsets of the joints from its motion,
-    /// the seconds until its catch, and 1 where one is planned.
+    /// `depth` or `cloud`.
     #[getter]
     fn observation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let seen = self.with(py, |state| Ok(state.seen.clone()))?;

@@ -68,19 +68,6 @@ def test_a_cluster_gives_the_bytes_of_one_machine_though_a_worker_is_killed(clus
         cluster.evaluate(setup, 24, seed=2, path=str(tmp_path / "parts"))
 
 
-def test_a_study_has_the_rows_of_the_program(cluster, program, tmp_path):
-    study = tmp_path / "friction.toml"
-    overlays = "".join(f'[[overlay]]\nname = "f{i}"\nset = {{ "arena.friction" = 0.{i} }}\n' for i in [5, 9])
-    study.write_text(f'description = ""\nscenario = "paper"\nobjects = ["tennis_ball", "banana"]\nthrows = ["near_sampled"]\n{overlays}')
-    arguments = ["--study", study, "--trials", "2", "--out", tmp_path / "program", "--json"]
-    subprocess.run([program, "eval", *arguments], check=True, capture_output=True)
-    told: list[tuple[int, int]] = []
-    tables = cluster.evaluate_study(str(study), 2, shard=1, path=str(tmp_path / "ray"), progress=lambda *it: told.append(it))
-    assert list(tables) == ["f5", "f9"] and told[-1] == (8, 8)
-    for step, table in tables.items():
-        assert table.jsonl == (tmp_path / "program" / step / "trials.jsonl").read_bytes()
-
-
 def test_arguments_are_named(cluster, setup):
     for argument in ["trials", "shard", "seed", "first"]:
         with pytest.raises(ValueError, match=f"^{argument}"):

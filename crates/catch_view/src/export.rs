@@ -2,8 +2,6 @@
 
 #[cfg(feature = "gif")]
 pub mod gif_picture;
-#[cfg(feature = "parquet")]
-pub mod lerobot;
 #[cfg(feature = "mcap")]
 pub mod mcap_file;
 pub mod mjcf;

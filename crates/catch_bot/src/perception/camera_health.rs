@@ -37,6 +37,8 @@ pub enum CameraStatus {
     Displaced,
     /// The camera's images are those of another camera.
     Swapped,
+    /// No calibration has found the camera's pose.
+    Uncalibrated,
 }
 
 impl Display for CameraStatus {
@@ -48,6 +50,7 @@ impl Display for CameraStatus {
             Self::Silent => "silent",
             Self::Displaced => "displaced",
             Self::Swapped => "swapped with another",
+            Self::Uncalibrated => "uncalibrated",
         })
     }
 }
@@ -63,6 +66,7 @@ pub struct CameraHealth {
     offsets: Vec<CameraOffset>,
     statuses: Vec<CameraStatus>,
     left_out: Vec<bool>,
+    uncalibrated: Vec<bool>,
 }
 
 /// Memory of one camera.
@@ -131,14 +135,19 @@ impl CameraHealth {
             shift: ShiftHistory::default(),
             is_off: false,
         };
-        Self {
+        let uncalibrated: Vec<bool> =
+            (0..cameras.len()).map(|camera| config.uncalibrated_cameras.contains(&camera)).collect();
+        let mut health = Self {
             waiting: Some((surroundings.X_WL, surroundings.width_m)),
             edges: cameras.iter().map(|camera| ArmEdges::new(camera, surroundings, config)).collect(),
             records: vec![record; cameras.len()],
             offsets: vec![CameraOffset::default(); cameras.len()],
             statuses: vec![CameraStatus::Good; cameras.len()],
-            left_out: vec![false; cameras.len()],
-        }
+            left_out: uncalibrated.clone(),
+            uncalibrated,
+        };
+        health.conclude();
+        health
     }
 
     /// The status of each camera.
@@ -262,8 +271,10 @@ impl CameraHealth {
     /// then they all stay.
     fn conclude(&mut self) {
         let mut displaced = 0;
-        for (record, status) in self.records.iter().zip(&mut self.statuses) {
+        let all = self.records.iter().zip(&self.uncalibrated).zip(&mut self.statuses);
+        for ((record, uncalibrated), status) in all {
             *status = match record {
+                _ if *uncalibrated => CameraStatus::Uncalibrated,
                 _ if *status == CameraStatus::Silent => CameraStatus::Silent,
                 Record { frozen: Verdict { holds: true, .. }, .. } => CameraStatus::Frozen,
                 Record { blinded: Verdict { holds: true, .. }, .. } => CameraStatus::Blinded,

@@ -68,6 +68,8 @@ pub struct Config {
     /// none if it is not set.
     #[serde(deserialize_with = "quantity::edge_px")]
     pub depth_edge_px: Option<u32>,
+    /// Indices of cameras whose poses no calibration has found: their images are left out.
+    pub uncalibrated_cameras: Vec<usize>,
 }
 
 impl Default for Config {
@@ -79,6 +81,7 @@ impl Default for Config {
             depth_dropout: None,
             depth_common_fraction: None,
             depth_edge_px: None,
+            uncalibrated_cameras: Vec::new(),
         }
     }
 }

@@ -244,39 +244,3 @@ fn the_report_opens_from_a_disk() {
     assert!(light != dark);
     browser.screenshot(&report, "", [412, 915], "report-phone");
 }
-
-#[test]
-fn a_study_opens_from_a_disk_and_each_step_leads_to_its_report() {
-    let Some(browser) = Browser::find() else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().to_str().unwrap();
-    let evaluated =
-        catchingbot(&["eval", "--study", "ablation", "--trials", "1", "--object", "tennis_ball", "--out", out]);
-    assert!(evaluated.status.success(), "{}", stderr(&evaluated));
-    let page = folder.path().join("report.html");
-    let text = fs::read_to_string(&page).unwrap();
-    assert_refers_to_nothing(&text);
-    let links: Vec<&str> = text.split("href=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
-    let steps = fs::read_dir(folder.path()).unwrap().filter(|it| it.as_ref().unwrap().path().is_dir()).count();
-    assert_eq!(links.len(), steps);
-    for link in links {
-        assert_refers_to_nothing(&fs::read_to_string(folder.path().join(link)).unwrap());
-    }
-
-    let light = browser.screenshot(&page, "", [1000, 1500], "study");
-    let dark = browser.screenshot(&page, "theme=dark", [1000, 1500], "study-dark");
-    assert!(light != dark);
-    browser.screenshot(&page, "", [412, 915], "study-phone");
-    // Every step stands in the window, and nothing is wider than a phone.
-    let driven = folder.path().join("driven.html");
-    let driver = "<script>const found = document.body.dataset, bars = [...document.querySelectorAll('.step .bar')];
-        found.bars = bars.filter((it) => it.parentElement.getBoundingClientRect().width > 40).length;
-        found.wide = document.documentElement.scrollWidth - innerWidth;
-        found.requests = performance.getEntriesByType('resource').length;</script></body>";
-    fs::write(&driven, text.replace("</body>", driver)).unwrap();
-    let (dom, console) = browser.run(&["--dump-dom", "--window-size=500,915"], &driven, "");
-    assert!(console.is_empty(), "{console:?}");
-    assert_eq!(found(&dom, "bars"), steps.to_string());
-    assert_eq!(found(&dom, "requests"), "0");
-    assert!(found(&dom, "wide").parse::<i32>().unwrap() <= 0, "wider than the window");
-}

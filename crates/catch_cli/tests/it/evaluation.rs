@@ -210,11 +210,7 @@ fn results_are_not_lost_by_mistake() {
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("--trials: found 1, expected at least the 2 that"), "{}", stderr(&output));
 
-    // A study is no evaluation, and what lacks its description is nobody's.
-    let out = folder.path().to_str().unwrap();
-    let study = catchingbot(&["eval", "--study", "ablation", "--trials", "1", "--object", "tennis_ball", "--out", out]);
-    assert_eq!(study.status.code(), Some(2));
-    assert!(stderr(&study).contains("holds evaluation.toml"), "{}", stderr(&study));
+    // What lacks its description is nobody's.
     let identity = folder.path().join("evaluation.toml");
     let description = fs::read(&identity).unwrap();
     fs::remove_file(&identity).unwrap();
@@ -231,40 +227,9 @@ fn results_are_not_lost_by_mistake() {
     assert!(stderr(&output).contains("line 1"), "{}", stderr(&output));
 }
 
-/// Parts of a study merge step by step, to the bytes of the whole.
+/// Trials that repeat one throw are told as such, and results have a folder without `--out`.
 #[test]
-fn parts_of_a_study_merge() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    assert!(catchingbot(&["new", "study", "bounce", "--out", &path("")]).status.success());
-    let study = |out: &str, first: &str, trials: &str| {
-        let file = path("bounce.toml");
-        let arguments = ["eval", "--study", &file, "--first", first, "--trials", trials, "--out", &path(out), "--json"];
-        let output = catchingbot(&arguments);
-        assert!(output.status.success(), "{}", stderr(&output));
-        serde_json::from_str::<Value>(&stdout(&output)).unwrap()
-    };
-    let whole = study("whole", "0", "2");
-    study("part1", "0", "1");
-    study("part2", "1", "1");
-    let merged = catchingbot(&["eval", "--merge", &path("part2"), &path("part1"), "--json", "--out", &path("merged")]);
-    assert!(merged.status.success(), "{}", stderr(&merged));
-    assert_eq!(serde_json::from_str::<Value>(&stdout(&merged)).unwrap(), whole);
-    let steps = whole["steps"].as_array().unwrap();
-    assert_eq!(steps.len(), 3);
-    for step in steps.iter().map(|step| step["step"].as_str().unwrap()) {
-        assert_eq!(files(&folder.path().join("whole").join(step)), files(&folder.path().join("merged").join(step)));
-    }
-    // A study in which the same folder is another one's.
-    let output = catchingbot(&["eval", "--study", "ablation", "--resume", "--out", &path("merged")]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("study.toml"), "{}", stderr(&output));
-}
-
-/// Without `--out` a study does not meet the results of another evaluation, and trials that repeat one throw
-/// are told as such.
-#[test]
-fn evaluations_and_studies_go_into_folders_of_their_own() {
+fn an_evaluation_has_a_folder_and_says_which_trials_repeat_one_throw() {
     let folder = tempfile::tempdir().unwrap();
     let run = |arguments: &[&str]| {
         let program = env!("CARGO_BIN_EXE_catchingbot");
@@ -272,13 +237,9 @@ fn evaluations_and_studies_go_into_folders_of_their_own() {
         assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
         stdout(&output)
     };
-    run(&["new", "study", "bounce"]);
     let shown = run(&["eval", "--scenario", "paper", "--throw", "near", "--throw", "near_sampled", "--trials", "2"]);
     assert!(shown.contains("  near is always the same: the trials repeat one throw"), "{shown}");
-    run(&["eval", "--study", "bounce.toml", "--trials", "1"]);
-    for file in ["out/eval/trials.jsonl", "out/study-bounce/report.html"] {
-        assert!(folder.path().join(file).exists(), "{file}");
-    }
+    assert!(folder.path().join("out/eval/trials.jsonl").exists());
 }
 
 #[test]

@@ -18,8 +18,6 @@ use catch_lab::{
 };
 use catch_sim::Throw;
 
-use crate::{catchingbot, stderr, stdout};
-
 fn honest(object: &str) -> Setup {
     Setup::load(&Choice { scenario: Some("honest"), object: Some(object), ..Choice::default() }).unwrap()
 }
@@ -121,35 +119,6 @@ fn a_throw_out_of_reach_breaks_nothing() {
 #[ignore = "takes minutes"]
 fn a_thousand_throws_out_of_reach_break_nothing() {
     unreachable_throws(1000);
-}
-
-#[test]
-fn a_study_goes_on_where_it_was() {
-    let folder = tempfile::tempdir().unwrap();
-    let study = |more: &[&str]| {
-        let mut arguments = vec!["eval", "--study", "ablation", "--json", "--object", "tennis_ball", "--trials", "1"];
-        arguments.extend(["--out", folder.path().to_str().unwrap()]);
-        arguments.extend(more);
-        let output = catchingbot(&arguments);
-        assert!(output.status.success(), "{}", stderr(&output));
-        serde_json::from_str::<serde_json::Value>(&stdout(&output)).unwrap()
-    };
-    let first = study(&[]);
-    let steps = first["steps"].as_array().unwrap();
-    assert_eq!((steps.len(), &steps[0]["step"]), (19, &"01-paper".into()));
-    for step in steps {
-        let object = &step["objects"][0];
-        assert!(object["trials"].as_u64().unwrap() >= 1, "{object}");
-        assert!(folder.path().join(step["step"].as_str().unwrap()).join("trials.jsonl").is_file());
-    }
-    // One step is lost; the others are not run again.
-    let (kept, lost) = (folder.path().join("01-paper/trials.jsonl"), folder.path().join("04-gripper"));
-    let before = fs::metadata(&kept).unwrap().len();
-    fs::remove_dir_all(&lost).unwrap();
-    assert_eq!(study(&["--resume"]), first);
-    assert_eq!(fs::metadata(&kept).unwrap().len(), before);
-    let output = catchingbot(&["eval", "--study", "ablation", "--throw", "near"]);
-    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
 }
 
 /// One command arrives 5 ms late and its trajectory is refused, and so is what goes on from it, until the

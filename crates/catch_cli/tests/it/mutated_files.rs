@@ -92,12 +92,6 @@ fn kinds() -> Vec<Kind> {
     for (name, right) in assets("workcells") {
         add(Kind::new(&format!("workcell {name}"), "w.toml", right, &format!("{throw} --workcell FILE")));
     }
-    for (name, right) in assets("studies") {
-        add(Kind::new(&format!("study {name}"), "s.toml", right, "check FILE --json"));
-    }
-    let study = "description = \"two\"\nscenario = \"paper\"\nobjects = [\"banana\"]\ncombine = \"cumulative\"\n\
-                 [[overlay]]\nname = \"one\"\n[[overlay]]\nname = \"two\"\nset = { \"arena.restitution_scale\" = 0.5 }\n";
-    add(Kind::new("study, run", "s.toml", study, "eval --study FILE --trials 1 --json"));
     let [urdf, toml] = ["robot.urdf", "robot.toml"].map(|file| {
         fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/robots/iiwa14").join(file)).unwrap()
     });

@@ -33,11 +33,11 @@ fn nothing_is_overwritten() {
         ("rig.toml", &["calibrate", "--poses", "3", "--out", &here][..]),
         ("calibration.html", &["calibrate", "--poses", "3", "--out", &here]),
         ("camera_0.yaml", &["calibrate", "--poses", "3", "--out", &here]),
-        ("rig.toml", &["place-cameras", "--throws", "3", "--spacing", "1", "--out", &here]),
-        ("cameras.html", &["place-cameras", "--throws", "3", "--spacing", "1", "--out", &here]),
+        ("rig.toml", &["place-cameras", "--trials", "3", "--spacing", "1", "--out", &here]),
+        ("cameras.html", &["place-cameras", "--trials", "3", "--spacing", "1", "--out", &here]),
         ("t/0.csv", &["learn", "--tracks", &tracks, "--folds", "2", "--out", &at("t/0.csv")]),
         ("r.md", &["learn", "--tracks", &tracks, "--folds", "2", "--out", &at("p.toml"), "--report", &at("r.md")]),
-        ("a.catch", &["play", "--throws", "1", "--html", &at("a.catch")]),
+        ("a.catch", &["play", "--trials", "1", "--html", &at("a.catch")]),
         ("o.toml", &["new", "throw", "o", "--out", &here]),
     ] {
         let path = at(file);
@@ -69,7 +69,7 @@ fn a_full_disk_leaves_nothing_by_halves() {
         &["new", "object", "o", "--out", &at("")],
         &["object", "import", solid, "--out", &at("o.toml")],
         &["robot", "import", solid, "--no-ready", "--out", &at("arm")],
-        &["place-cameras", "--throws", "1", "--spacing", "1", "--cameras", "1", "--out", &at("")],
+        &["place-cameras", "--trials", "1", "--spacing", "1", "--cameras", "1", "--out", &at("")],
         &["catch", "--out", &at("")],
         &["export", "--mjcf", &at("")],
     ] {
@@ -99,12 +99,11 @@ fn a_bad_place_is_wrong_input_whoever_writes_there() {
         &["catch", "--out", &within("")][..],
         &["catch", "--scenario", "paper", "--out", taken],
         &["eval", "--trials", "1", "--out", &within("e")],
-        &["export", "--trials", "1", "--lerobot", &within("l")],
         &["export", "--mjcf", &within("m")],
-        &["play", "--throws", "1", "--html", &within("p.html")],
+        &["play", "--trials", "1", "--html", &within("p.html")],
         &["new", "throw", "t", "--out", &within("n")],
         &["calibrate", "--poses", "3", "--out", &within("c")],
-        &["place-cameras", "--throws", "1", "--out", &within("c")],
+        &["place-cameras", "--trials", "1", "--out", &within("c")],
     ] {
         let output = catchingbot(arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));

@@ -200,7 +200,7 @@ fn two_evaluations_are_compared_throw_by_throw() {
 fn new_files_are_right_as_they_are() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
-    for kind in ["object", "throw", "robot", "gripper", "workcell", "camera", "rig", "scenario", "study"] {
+    for kind in ["object", "throw", "robot", "gripper", "workcell", "camera", "rig", "scenario"] {
         let name = format!("my_{kind}");
         let output = catchingbot(&["new", kind, &name, "--out", out]);
         assert!(output.status.success(), "{}", stderr(&output));
@@ -213,14 +213,12 @@ fn new_files_are_right_as_they_are() {
         let again = catchingbot(&["new", kind, &name, "--out", out]);
         assert_eq!(again.status.code(), Some(2));
         assert!(stderr(&again).contains("already there"));
-        // The trial that the output suggests; a study takes longer than one throw.
+        // The trial that the output suggests.
         let shown = stdout(&output);
         let trial = shown.lines().find_map(|line| line.trim().strip_prefix("try it")).unwrap();
         let arguments: Vec<&str> = trial.split(' ').collect();
-        if kind != "study" {
-            let document = record(folder.path(), &arguments[arguments.len() - 2..]);
-            assert_eq!(document["caught"], true, "{kind}: {document}");
-        }
+        let document = record(folder.path(), &arguments[arguments.len() - 2..]);
+        assert_eq!(document["caught"], true, "{kind}: {document}");
     }
     assert_eq!(catchingbot(&["new", "object", "../evil", "--out", out]).status.code(), Some(2));
     let object = folder.path().join("my_object");

@@ -218,7 +218,7 @@ fn recorded_tracks_are_thrown() {
     let recorded = run(throws);
     assert_eq!(recorded["scene"]["throw"], "tumbling");
     assert_ne!(released["measures"], recorded["measures"]);
-    let life = json(&["play", "--scenario", "paper", "--throw", throws, "--throws", "2", "--set", prior, "--json"]);
+    let life = json(&["play", "--scenario", "paper", "--throw", throws, "--trials", "2", "--set", prior, "--json"]);
     assert_eq!(life["throws"], 2);
 }
 

@@ -58,7 +58,7 @@ fn settings_are_as_the_sources_have_them() {
 
 #[test]
 fn files_are_as_the_sources_have_them() {
-    let about = "Every field of the TOML files of robots, grippers, workcells, objects, throws, rigs and studies, and of what `learn` writes. \
+    let about = "Every field of the TOML files of robots, grippers, workcells, objects, throws and rigs, and of what `learn` writes. \
                  `catchingbot check FILE` tells what is wrong with one, and `catchingbot list --show NAME` prints those that are built in.";
     is_current("files.md", &tables("Files", about, FILES));
 }

@@ -96,7 +96,7 @@ fn commands_with_json(command: &clap::Command, name: &str) -> Vec<String> {
 fn every_command_fails_in_the_same_shape() {
     let wrong_input = [
         ("catch", &["--object", "nope"][..], "--object"),
-        ("eval", &["--study", "nope"], "--study"),
+        ("eval", &["--scenario", "nope"], "--scenario"),
         ("play", &["--scenario", "nope"], "--scenario"),
         ("list", &["--show", "nope"], "--show"),
         ("plan", &["--cases", "no.json"], "the file"),
@@ -109,7 +109,7 @@ fn every_command_fails_in_the_same_shape() {
         ("robot import", &["no.urdf", "--out", "arm"], "the file"),
         ("register", &["--cloud", "no.xyz", "--reference", "banana"], "the file"),
         ("replay", &["no.catch"], "the file"),
-        ("export", &["--lerobot", "set", "--object", "nope"], "--object"),
+        ("export", &["--mjcf", "set", "--object", "nope"], "--object"),
         ("gripper-latency", &["no.catch"], "the file"),
         ("check", &["no.toml"], "the file"),
         ("view", &["no.catch"], "--json"),
@@ -135,8 +135,7 @@ fn wrong_arguments_are_told_by_field() {
         (&["--method", "mine"], "--method <METHOD>", "mine", "ours, paper"),
         (&["catch", "--set", "object=nope"], "--set object", "`nope`", "one of"),
         (&["catch", "--set", "arena.step_s=7"], "arena.step_s", "7", "0.00001 to 0.002"),
-        (&["eval", "--study", "x", "--scenario", "y"], "--study <NAME|FILE>", "cannot be used", "--scenario"),
-        (&["check"], "<FILE>...", "not provided", "--help"),
+        (&["check"], "<NAME|FILE>...", "not provided", "--help"),
     ] {
         let fault = &failure(arguments)["faults"][0];
         let texts = [("field", field), ("found", found), ("expected", expected)];

@@ -14,7 +14,7 @@ fn without_threads_it_goes_on() {
     for arguments in [
         &["eval", "--trials", "2", "--threads", "8", "--out", &at("e")][..],
         &["eval", "--scenario", "lab", "--object", "no", "--out", &at("f")],
-        &["place-cameras", "--throws", "1", "--spacing", "1", "--cameras", "1", "--out", &at("p")],
+        &["place-cameras", "--trials", "1", "--spacing", "1", "--cameras", "1", "--out", &at("p")],
     ] {
         let stack = (1_u64 << 46).to_string();
         let output = Command::new(program).args(arguments).env("RUST_MIN_STACK", stack).output().unwrap();

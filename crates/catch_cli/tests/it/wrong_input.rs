@@ -252,9 +252,6 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
             &["ready", "--set", "ready_rad=[2.8, 1.2, 1.1, -1.5, 1.6, 1.4, 0.2]", "--trials", "1", "--tries", "1"],
             &["no pose", "within reach"],
         ),
-        (&["eval", "--study", "ablation", "--method", "paper"], &["--study", "--method"]),
-        (&["eval", "--study", "ablation", "--set", "arena.friction=1"], &["--study", "--set"]),
-        (&["eval", "--study", "ablatoin"], &["--study", "did you mean `ablation`?"]),
         (&["catch", "--set", "brain.trajectory_optimization.velocity_scaling=1.5"], &["velocity_scaling", "0.01 to 1"]),
         (&["catch", "--set", "brain.trajectory_optimization.clearance_m=0"], &["clearance_m", "0.001 to 2 m"]),
         (&["catch", "--set", "arena.step_s=1e-9"], &["arena.step_s", "0.00001 to 0.002"]),
@@ -270,7 +267,7 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
 fn every_asset_is_right_and_what_is_not_is_told() {
     let assets = Spoilt::new();
     let mut files = Vec::new();
-    for kind in ["scenarios", "objects", "throws", "grippers", "cameras", "rigs", "robots", "studies"] {
+    for kind in ["scenarios", "objects", "throws", "grippers", "cameras", "rigs", "robots"] {
         let entries = fs::read_dir(assets.path(kind)).unwrap();
         files.extend(entries.map(|entry| entry.unwrap().path().to_str().unwrap().to_owned()));
     }

@@ -9,7 +9,7 @@ use catch_view::export::mjcf;
 use serde_json::{Value, json};
 
 use super::{REPETITIONS, rows};
-use crate::{Options, stage_times::cpu_ms};
+use crate::{Options, spread::cpu_ms};
 
 /// Cameras: the scenario's own, and near ones.
 const RIGS: [&str; 2] = ["", "flight_rig=\"d435_lab\""];

@@ -6,11 +6,10 @@ use catch_lab::{assets::Kind, scenario::setup::Setup};
 
 use crate::{
     Options,
-    flights::look,
-    near_rates::{self, rigs},
+    cameras::{self, rigs},
+    perception::look,
     results::{Entry, Table},
-    spread::quantiles,
-    stage_times::cpu_ms,
+    spread::{cpu_ms, quantiles},
 };
 
 /// Factors on the width and height of the images of the largest rig.
@@ -26,7 +25,7 @@ pub fn table(options: &Options) -> Result<Table> {
     let scaled = SCALES.iter().flat_map(|&scale| rigs.last().map(|rig| (rig, scale)));
     for (rig, scale) in rigs.iter().map(|rig| (rig, 1.0)).chain(scaled) {
         let object = Kind::Object.names()[0];
-        let mut setup = near_rates::setup(rig, object, &[])?;
+        let mut setup = cameras::setup(rig, object, &[])?;
         for camera in &mut setup.cameras {
             [camera.width_px, camera.height_px] =
                 [camera.width_px, camera.height_px].map(|it| (f64::from(it) * scale) as u32);

@@ -10,7 +10,7 @@ use catch_view::export::mjcf;
 use serde_json::{Value, json};
 
 use super::{REPETITIONS, values};
-use crate::{Options, stage_times::cpu_ms};
+use crate::{Options, spread::cpu_ms};
 
 /// Duration of the throw, in seconds.
 const UNTIL_S: f64 = 1.0;

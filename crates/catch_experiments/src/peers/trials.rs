@@ -10,8 +10,8 @@ use super::REPETITIONS;
 use crate::{
     Options,
     results::{Entry, Table},
+    spread::cpu_ms,
     spread::quantiles,
-    stage_times::cpu_ms,
 };
 
 /// Trials of a condition.

@@ -96,6 +96,7 @@ const COLUMNS: &[(&str, Kind)] = &[
     ("silent_cameras", Kind::Count),
     ("displaced_cameras", Kind::Count),
     ("swapped_cameras", Kind::Count),
+    ("uncalibrated_cameras", Kind::Count),
     (CONDITIONS, Kind::Number),
 ];
 /// One column each for how long before the catch a prediction was made.

@@ -38,6 +38,7 @@ pub(super) fn counted(snapshots: &[StateSnapshot]) -> Measures {
         silent_cameras: said(CameraStatus::Silent),
         displaced_cameras: said(CameraStatus::Displaced),
         swapped_cameras: said(CameraStatus::Swapped),
+        uncalibrated_cameras: said(CameraStatus::Uncalibrated),
         ..Measures::default()
     }
 }

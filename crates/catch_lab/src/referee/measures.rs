@@ -105,6 +105,9 @@ pub struct Measures {
     /// Cameras that give the images of others, as the brain says.
     #[serde(default)]
     pub swapped_cameras: u32,
+    /// Cameras that are left out, since their calibration did not converge.
+    #[serde(default)]
+    pub uncalibrated_cameras: u32,
 }
 
 /// Returns the brain's count of numerical failures in the throw up to its last tick.

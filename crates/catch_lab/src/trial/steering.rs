@@ -65,16 +65,6 @@ impl Steering {
         self.of_joints(|i| self.robot.joints[i].limits.velocity)
     }
 
-    /// Returns the period of actions, in seconds.
-    pub(super) fn period_s(&self) -> f64 {
-        self.period_s
-    }
-
-    /// Distances of the arm with its gripper.
-    pub(super) fn clearance(&self) -> &ArmClearance {
-        &self.clearance
-    }
-
     fn of_joints(&self, of: impl Fn(usize) -> f64) -> JointVector {
         JointVector::from_fn(|i, _| if i < self.robot.dof() { of(i) } else { 0.0 })
     }
@@ -152,7 +142,7 @@ impl Steering {
     ///
     /// With accelerations a after the period, then b, b and 0 a span apart: (a + b)/2 + b + b/2 = -dq/h
     /// brings the joint to rest.
-    pub(super) fn braked(&self, start_s: f64, start: &Setpoint, a: &JointVector) -> BSpline {
+    fn braked(&self, start_s: f64, start: &Setpoint, a: &JointVector) -> BSpline {
         let h = self.span_s;
         let dq = start.dq + (start.ddq + a) * (self.period_s / 2.0);
         let b = -(dq / h + a / 2.0) / 2.0;
@@ -163,7 +153,7 @@ impl Steering {
 }
 
 /// Distance of the arm with its gripper open from itself and its surroundings, in metres.
-pub(super) fn least_clearance_m(robot: &Robot, clearance: &ArmClearance, max_width_m: f64, q: &JointVector) -> f64 {
+fn least_clearance_m(robot: &Robot, clearance: &ArmClearance, max_width_m: f64, q: &JointVector) -> f64 {
     let X_WL = robot.link_poses(q);
     clearance.self_clearance(&X_WL, max_width_m).min(clearance.environment_clearance(&X_WL, max_width_m))
 }
@@ -174,7 +164,7 @@ pub(super) fn least_clearance_m(robot: &Robot, clearance: &ArmClearance, max_wid
 /// Control points of a B-spline's derivative are Qᵢ = p·(Pᵢ₊₁ − Pᵢ)/(uᵢ₊ₚ₊₁ − uᵢ₊₁) (Piegl & Tiller, The
 /// NURBS Book, eq. 3.4), here solved for P; those of the second derivative, which is piecewise linear, are
 /// its values at the knots.
-pub(super) fn spline(times_s: &[f64], start: &Setpoint, accelerations: &[JointVector]) -> BSpline {
+fn spline(times_s: &[f64], start: &Setpoint, accelerations: &[JointVector]) -> BSpline {
     let (first, last) = (times_s[0], times_s[times_s.len() - 1]);
     let knots_s = [&[first; 3], times_s, &[last; 3]].concat();
     let integrate = |from: JointVector, rates: &[JointVector], degree: usize| {

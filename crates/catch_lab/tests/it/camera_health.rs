@@ -50,6 +50,23 @@ fn a_camera_that_fails_is_named_and_the_others_go_on() {
     }
 }
 
+/// A camera far from where it is believed to stand makes the throw none the worse if it is known to be so.
+#[test]
+fn an_uncalibrated_camera_is_left_out() {
+    let pushed = "{ camera = 7, kind = { pushed = { by_m = [0.1, 0.0, 0.1] } } }";
+    let settings = ["brain.perception.uncalibrated_cameras=[7]"];
+    let poses = |fault: &str| {
+        let setup = setup(&settings, fault);
+        let trial = trial::run_unobserved(&mut setup.brain(73, 0), &setup, 73, 0);
+        let named = faulty_cameras(&trial.snapshots);
+        assert_eq!(named, [FaultyCamera { camera: 7, status: CameraStatus::Uncalibrated }], "{fault}");
+        let reports = trial.snapshots.into_iter().filter_map(|it| it.report);
+        reports.filter_map(|it| it.pose).collect::<Vec<_>>()
+    };
+    let right = poses("");
+    assert!(!right.is_empty() && poses(pushed) == right, "what it sees is not looked at");
+}
+
 #[test]
 fn good_cameras_are_not_named() {
     // Obstacles around the arm are part of the image that a camera is expected to have.

@@ -407,14 +407,15 @@ fn what_servo_and_brain_count_is_in_the_measures() {
     assert_eq!((it.late_trajectories, it.rejected_trajectories, it.discontinuous_trajectories), (3, 4, 5));
     assert_eq!((it.min_self_clearance_m, it.min_floor_clearance_m), (Some(0.1), Some(0.2)));
     let statuses = {
-        use CameraStatus::{Blinded, Displaced, Frozen, Good, Silent, Swapped};
+        use CameraStatus::{Blinded, Displaced, Frozen, Good, Silent, Swapped, Uncalibrated};
         let faulty = [vec![Blinded], vec![Frozen; 2], vec![Silent; 3], vec![Displaced; 4], vec![Swapped; 5]];
+        let faulty = [faulty.concat(), vec![Uncalibrated; 6]];
         [vec![Good], faulty.concat()].concat()
     };
     let it = judged(|it| reports(it, |it| it.cameras.clone_from(&statuses))).measures;
     let by_status =
         [it.blinded_cameras, it.frozen_cameras, it.silent_cameras, it.displaced_cameras, it.swapped_cameras];
-    assert_eq!(by_status, [1, 2, 3, 4, 5]);
+    assert_eq!((by_status, it.uncalibrated_cameras), ([1, 2, 3, 4, 5], 6));
     let counted = |it: &mut Report| it.numerical_failures = NumericalFailures { prediction: 2, planning: 5 };
     assert_eq!(judged(|it| reports(it, counted)).measures.numerical_failures, 7);
 }

@@ -110,6 +110,7 @@ const ALL: &[(Where, &[&str], &str)] = &[
     (Honest, NOISY, "brain.perception.depth_noise.quadratic_per_m=0.004"),
     (Honest, &[], "brain.perception.camera_sd_rad=0.01"),
     (Honest, &[], "brain.perception.floor_visible=true"),
+    (Honest, &[], "brain.perception.uncalibrated_cameras=[0, 1, 2, 3, 4, 5, 6, 7, 8, 9]"),
     (Honest, &[], "brain.perception.depth_dropout=false"),
     (Honest, NEAR_CAMERAS, "brain.perception.depth_common_fraction=0.1"),
     (Honest, &[], "brain.perception.depth_edge_px=3"),

@@ -6,7 +6,7 @@
 >>> batch = gymnasium.make_vec("catchingbot/Catch-v0", num_envs=8)
 
 An action has a number from -1 to 1 for each joint (an acceleration, or with ``action="delta"`` a change of its position) and one for the
-gripper, which closes above 0. With ``action="residual"`` the scenario's brain acts, and the numbers are joint offsets from its motion.
+gripper, which closes above 0.
 No action breaks a limit of the arm. The reward is 1 for a catch, at the end.
 """
 
@@ -78,8 +78,7 @@ def _spaces(setup: Setup, kinds: Mapping[str, str]) -> tuple[spaces.Dict, spaces
     box = lambda array: spaces.Box(-np.inf, np.inf, array.shape, np.float32)
     seen = spaces.Dict({name: box(array) for name, array in arena.observation.items()})
     arena.close()
-    # With residual actions the brain closes the gripper.
-    return seen, spaces.Box(-1.0, 1.0, (setup.dof + (kinds["action"] != "residual"),), np.float32)
+    return seen, spaces.Box(-1.0, 1.0, (setup.dof + 1,), np.float32)
 
 
 def _checked_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> Mapping[str, Any]:

@@ -15,7 +15,7 @@ from typing import Any
 import fsspec
 import ray
 
-from catchingbot import Setup, Table, __version__, _catchingbot
+from catchingbot import Setup, Table, __version__
 
 # A shard takes some seconds: a dead worker loses little, and sending costs little.
 SHARD = 20
@@ -81,36 +81,6 @@ def evaluate(
             ray.cancel(task, force=True)
         raise
     return Table.from_jsonl(b"".join(rows[begin] for begin, _ in shards))
-
-
-def evaluate_study(
-    study: str,
-    trials: int = 57,
-    *,
-    path: str | None = None,
-    progress: Callable[[int, int], object] | None = None,
-    **keywords: Any,
-) -> dict[str, Table]:
-    """Evaluates as ``catchingbot eval --study``: a table for each step, with the bytes of its ``trials.jsonl``.
-
-    ``trials`` is the number for each object, ``study`` a built-in name or a file that every worker can read. Other keywords are those of
-    ``evaluate``.
-    """
-    steps = _catchingbot.study_steps(study)
-    counts = [-(-trials // throws) for _, _, throws in steps]
-    total = sum(count * conditions for count, (_, conditions, _) in zip(counts, steps, strict=True))
-    tables, before = {}, 0
-    for number, (count, (name, conditions, _)) in enumerate(zip(counts, steps, strict=True)):
-        rows = []
-        for condition in range(conditions):
-            setup = _catchingbot.study_setup(study, number, condition)
-            tell = None if progress is None else lambda done, _, before=before: progress(before + done, total)
-            into = None if path is None else f"{path}/{name}/{condition}"
-            rows.append(evaluate(setup, count, path=into, progress=tell, **keywords).jsonl.splitlines(keepends=True))
-            before += count
-        # Throw by throw, each in all conditions.
-        tables[name] = Table.from_jsonl(b"".join(line for lines in zip(*rows, strict=True) for line in lines))
-    return tables
 
 
 class _Parts:

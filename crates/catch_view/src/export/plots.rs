@@ -44,61 +44,6 @@ fn draw(path: &Path, size: (u32, u32), paint: impl FnOnce(&Canvas) -> Result<(),
     Ok(whole_file::write(path, svg)?)
 }
 
-/// Shares, 0 to 1, over distances (upward) and speeds (to the right), in colours; what there is none of stays
-/// white.
-///
-/// # Errors
-/// A file that cannot be written.
-pub fn heat_map(
-    path: &Path,
-    distances_m: &[f64],
-    speeds_mps: &[f64],
-    fraction: &dyn Fn(usize, usize) -> Option<f64>,
-) -> Result<(), Failure> {
-    draw(path, SIZE, |root| fields(root, distances_m, speeds_mps, fraction))
-}
-
-fn fields(
-    root: &Canvas,
-    distances_m: &[f64],
-    speeds_mps: &[f64],
-    fraction: &dyn Fn(usize, usize) -> Option<f64>,
-) -> Result<(), Failure> {
-    let (columns, rows) = (speeds_mps.len(), distances_m.len());
-    let mut chart = ChartBuilder::on(root)
-        .margin(12)
-        .x_label_area_size(40)
-        .y_label_area_size(44)
-        .build_cartesian_2d(0.0..columns as f64, 0.0..rows as f64)?;
-    // Every field is named in its middle.
-    let middle = |at: &f64, values: &[f64]| {
-        let is_middle = at.fract() > 0.4 && at.fract() < 0.6;
-        values.get(*at as usize).filter(|_| is_middle).map_or(String::new(), f64::to_string)
-    };
-    chart
-        .configure_mesh()
-        .disable_mesh()
-        .x_labels(2 * columns + 1)
-        .y_labels(2 * rows + 1)
-        .x_label_formatter(&|at| middle(at, speeds_mps))
-        .y_label_formatter(&|at| middle(at, distances_m))
-        .x_desc("speed, m/s")
-        .y_desc("distance, m")
-        .draw()?;
-    for row in 0..rows {
-        for column in 0..columns {
-            let Some(fraction) = fraction(row, column) else { continue };
-            let (x, y) = (column as f64, row as f64);
-            let colour = OURS.mix(0.06 + 0.94 * fraction);
-            chart.draw_series([Rectangle::new([(x + 0.03, y + 0.03), (x + 0.97, y + 0.97)], colour.filled())])?;
-            let ink = if fraction > 0.5 { WHITE } else { BLACK };
-            let style = ("sans-serif", 13).into_font().color(&ink);
-            chart.draw_series([Text::new(format!("{:.0}", fraction * 100.0), (x + 0.4, y + 0.6), style)])?;
-        }
-    }
-    Ok(())
-}
-
 fn name_of(cell: &CellSummary) -> String {
     format!("{} {}", cell.object, cell.throw).replace('_', " ")
 }

@@ -2,7 +2,6 @@
 
 mod misses;
 mod rows;
-mod study;
 
 use std::{collections::BTreeMap, fmt::Write};
 
@@ -21,8 +20,7 @@ use catch_lab::{
 };
 use rows::{Mark, Scale, row};
 
-pub use misses::{MOST_MISSES, MOST_MISSES_OF_A_STEP, record_misses};
-pub use study::study_page;
+pub use misses::{MOST_MISSES, record_misses};
 
 pub(super) use misses::recorded;
 

@@ -1,6 +1,6 @@
 //! Valid files of other programs, one of each kind, for tests of importers and readers.
 
-use std::{fs, path::PathBuf};
+use std::fs;
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use catch_body::{Gripper, InputError, TriangleMesh, workcell::Workcell};
@@ -9,10 +9,6 @@ use catch_import::{
     robot_import::{self, ImportedRobot},
     ros_calibration::{camera_info, hand_eye},
 };
-use catch_lab::{
-    assets::{Asset, Origin},
-    study::Study,
-};
 use serde_json::json;
 
 use super::{Load, obj, read, root, text};
@@ -20,7 +16,7 @@ use super::{Load, obj, read, root, text};
 /// A valid file: its name and its content.
 type Right = (&'static str, Vec<u8>);
 
-/// Ways of loading for the files of other programs, workcells and studies.
+/// Ways of loading for the files of other programs and workcells.
 pub fn loads() -> Vec<(String, Load<'static>)> {
     let mut loads: Vec<(String, Load)> = Vec::new();
     for (name, right) in objects() {
@@ -48,14 +44,6 @@ pub fn loads() -> Vec<(String, Load<'static>)> {
         "workcell".into(),
         Box::new(move |it| Workcell::from_toml("w.toml", &text(it.text(&workcell))?).map(drop)),
     ));
-    for file in ["ablation", "distance-speed"] {
-        let study = read(&root().join(format!("assets/studies/{file}.toml")));
-        let load: Load = Box::new(move |it| {
-            let origin = Origin::BuiltIn(PathBuf::from("studies"));
-            Study::of(Asset { name: "s".into(), file: "s.toml".into(), text: text(it.text(&study))?, origin }).map(drop)
-        });
-        loads.push((format!("study {file}"), load));
-    }
     loads
 }
 

@@ -10,7 +10,6 @@ use catch_lab::{
     flights::{flight_prior::FlightPrior, track_file},
     recording::throw_times::ThrowTimes,
     scenario::setup::{Choice, Setup},
-    study::{Outline, Study},
 };
 use serde_json::json;
 
@@ -20,8 +19,6 @@ use super::{Load, Mutator, read, root, text};
 pub fn loads() -> Vec<(String, Load<'static>)> {
     let [of_rows, of_identity] = results();
     let learned = FlightPrior::any_object().text().unwrap();
-    let study = Study::load("ablation", ("test", "study")).unwrap();
-    let study = toml::to_string(&study.outline(1)).unwrap();
     let times = json!({
         "stages": { "tick": { "count": 2, "p50_ms": 0.1, "p99_ms": 0.2, "max_ms": 0.2 } },
         "ticks": [{ "time_s": 0.1, "stage_ms": [["perception", 0.2]] }],
@@ -35,7 +32,6 @@ pub fn loads() -> Vec<(String, Load<'static>)> {
         ("rows".into(), of_rows),
         ("evaluation".into(), of_identity),
         ("learned flight".into(), file("f.toml", learned, |file| FlightPrior::read(file).map(drop))),
-        ("study of results".into(), file("study.toml", study, |file| Outline::read(file.parent().unwrap()).map(drop))),
         ("wall times".into(), file("a.times.json", times.to_string(), times_of)),
         (
             "calibrated rig".into(),

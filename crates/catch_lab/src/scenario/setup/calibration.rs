@@ -201,13 +201,28 @@ impl CalibratedCameras {
         Self { cameras: calibrated_cameras(&believed, &found), found }
     }
 
-    /// Standard deviation that is claimed of a camera's rotation about each axis, that of the worst.
-    pub(super) fn rotation_sd_rad(&self) -> f64 {
-        let sd = |it: &CameraCalibration| (it.covariance.fixed_view::<3, 3>(0, 0).trace() / 3.0).sqrt();
-        self.found.iter().map(sd).fold(0.0, f64::max)
+    /// Indices of the cameras whose calibration did not converge, unless it is all of them: a brain with
+    /// others does without.
+    pub(super) fn left_out(&self) -> Vec<usize> {
+        let failed = |it: &CameraCalibration| it.status != CalibrationStatus::Converged;
+        let failures: Vec<usize> = (0..self.found.len()).filter(|&i| failed(&self.found[i])).collect();
+        if failures.len() == self.found.len() { Vec::new() } else { failures }
     }
 
-    /// Standard deviation along each axis of a place that all cameras see.
+    /// The cameras that are used, with their calibrations.
+    fn used(&self) -> impl Iterator<Item = (&CameraModel, &CameraCalibration)> {
+        let left_out = self.left_out();
+        let all = self.cameras.iter().zip(&self.found).enumerate();
+        all.filter(move |(i, _)| !left_out.contains(i)).map(|(_, it)| it)
+    }
+
+    /// Standard deviation that is claimed of a used camera's rotation about each axis, that of the worst.
+    pub(super) fn rotation_sd_rad(&self) -> f64 {
+        let sd = |it: &CameraCalibration| (it.covariance.fixed_view::<3, 3>(0, 0).trace() / 3.0).sqrt();
+        self.used().map(|(_, found)| sd(found)).fold(0.0, f64::max)
+    }
+
+    /// Standard deviation along each axis of a place that all used cameras see.
     pub(super) fn position_sd_m(&self, p_W: &Point3<f64>) -> f64 {
         // p = X·exp(ω, v)·p_C: a displacement of v + ω × p_C in C.
         let variance = |(camera, found): (&CameraModel, &CameraCalibration)| {
@@ -217,7 +232,7 @@ impl CalibratedCameras {
             derivative.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
             (derivative * found.covariance * derivative.transpose()).trace() / 3.0
         };
-        let variances: Vec<f64> = self.cameras.iter().zip(&self.found).map(variance).collect();
+        let variances: Vec<f64> = self.used().map(variance).collect();
         variances.iter().sum::<f64>().sqrt() / variances.len().max(1) as f64
     }
 }
@@ -281,6 +296,12 @@ impl Setup {
         self
     }
 
+    /// The cameras whose images the brain uses in scenes of `seed`, as it believes them to stand.
+    pub fn used_cameras(&self, seed: u64) -> Vec<CameraModel> {
+        self.calibrated(seed)
+            .map_or_else(|| self.cameras.clone(), |it| it.used().map(|(camera, _)| camera.clone()).collect())
+    }
+
     /// The cameras as the brain believes them to stand, in scenes of `seed`.
     pub fn believed_cameras(&self, seed: u64) -> Vec<CameraModel> {
         self.calibrated(seed).map_or_else(|| self.cameras.clone(), |it| it.cameras.clone())
@@ -322,10 +343,14 @@ mod tests {
         assert!((first.position_sd_m(&p_W) - (4e-6_f64 + 2.0 / 3.0 * 4e-6).sqrt()).abs() < 1e-12);
         assert!((both.rotation_sd_rad() - 1e-3).abs() < 1e-12);
         assert!(both.position_sd_m(&p_W) < first.position_sd_m(&p_W));
-        // One that did not converge is no better than it was believed to be before.
+        // One that did not converge is left out, unless there is no other one. Then it is no better than it was
+        // believed to be before.
         let failed = of(CalibrationStatus::PoorFit);
-        assert!((failed.rotation_sd_rad() - 0.3_f64.to_radians()).abs() < 1e-12);
-        assert!(failed.position_sd_m(&p_W) > 2.5e-3);
+        assert_eq!((both.left_out(), failed.left_out()), (vec![], vec![1]));
+        assert!((failed.position_sd_m(&p_W) - first.position_sd_m(&p_W)).abs() < 1e-12);
+        let alone = CalibratedCameras { cameras: both.cameras[1..].to_vec(), found: failed.found[1..].to_vec() };
+        assert!(alone.left_out().is_empty());
+        assert!((alone.rotation_sd_rad() - 0.3_f64.to_radians()).abs() < 1e-12);
         // Nor is it moved.
         let found = [CalibrationStatus::Converged, CalibrationStatus::PoorFit].map(found);
         let calibrated = calibrated_cameras(&setup.cameras, &found);

@@ -18,8 +18,6 @@ use catch_recording::whole_file;
 
 /// Misses of an evaluation that get a page, the first ones.
 pub const MOST_MISSES: usize = 20;
-/// Misses of each step of a study that get a page, the first ones; a study has many steps.
-pub const MOST_MISSES_OF_A_STEP: usize = 3;
 /// Folder of the misses' pages beside the report.
 const FOLDER: &str = "misses";
 

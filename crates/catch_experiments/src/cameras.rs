@@ -1,4 +1,6 @@
-//! Catch rates with rigs of a few near cameras.
+//! Catch rates with rigs of a few near cameras, and how soon such a camera is noticed that was pushed.
+
+mod pushed;
 
 use std::collections::BTreeMap;
 
@@ -17,7 +19,7 @@ use crate::{
 
 const LEGEND: &str = "The scenario honest with random throws and one to four near stereo cameras that run freely, without labels. Each throw draws how \
 far the cameras are from where they are believed to stand: 0.2 mm along and 0.2 mrad about each axis (standard deviations), which is no less than \
-[calibration on the arm](calibration.md) leaves. The brain lets corrections use up to 0.97 of what each joint can still reach \
+[calibration on the arm](calibration-and-perception.md) leaves. The brain lets corrections use up to 0.97 of what each joint can still reach \
 (`reach_fractions`), as in honest-aero. The rate *caught* is of all throws, also of those out of reach, with its interval (Wilson, 95 %).";
 
 /// The built-in ones of near stereo cameras around the arm.
@@ -28,7 +30,7 @@ pub fn rigs() -> impl Iterator<Item = String> {
 /// Settings of near cameras in the scenario honest: they run freely, without labels, calibrated as well as a
 /// calibration on the arm achieves. The flight is known late, so corrections use all of the reachable set
 /// that single joints have left.
-pub const SETTINGS: [&str; 8] = [
+const SETTINGS: [&str; 8] = [
     "camera=d435",
     "arena.free_running_cameras=true",
     "arena.depth.model=\"near_stereo\"",
@@ -78,5 +80,6 @@ pub fn run(options: &Options) -> Result<Findings> {
             ]);
         }
     }
-    Ok(Findings { legend: LEGEND, tables: vec![table] })
+    let pushed = pushed::tables(options)?;
+    Ok(Findings { legend: [LEGEND, pushed::LEGEND].concat(), tables: [vec![table], pushed].concat() })
 }
