@@ -1,4 +1,4 @@
-//! Throws that were recorded: predictions of their ends, and catch rates where they are repeated in the arena.
+//! Recorded throws: predictions of their ends, and catch rates where they are repeated in the arena.
 
 use std::path::Path;
 

@@ -107,8 +107,8 @@ pub fn quantile_m(rising: &[f64], fraction: f64) -> f64 {
 }
 
 impl Score {
-    /// A sentence on what the cameras know of the throws, and whether it is enough for this free space between
-    /// object and fingers on each side, in metres.
+    /// A sentence on what the cameras know of the throws, and whether it is enough for this free space
+    /// between object and fingers on each side, in metres.
     pub fn summary(&self, margin_m: f64) -> String {
         let [middle_m, high_m] = [0.5, 0.9].map(|fraction| quantile_m(&self.decision_sd_m, fraction));
         let known = format!(

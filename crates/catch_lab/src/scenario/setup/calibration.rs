@@ -343,8 +343,8 @@ mod tests {
         assert!((first.position_sd_m(&p_W) - (4e-6_f64 + 2.0 / 3.0 * 4e-6).sqrt()).abs() < 1e-12);
         assert!((both.rotation_sd_rad() - 1e-3).abs() < 1e-12);
         assert!(both.position_sd_m(&p_W) < first.position_sd_m(&p_W));
-        // One that did not converge is left out, unless there is no other one. Then it is no better than it was
-        // believed to be before.
+        // One that did not converge is left out, unless there is no other one. Then it is no better than it
+        // was believed to be before.
         let failed = of(CalibrationStatus::PoorFit);
         assert_eq!((both.left_out(), failed.left_out()), (vec![], vec![1]));
         assert!((failed.position_sd_m(&p_W) - first.position_sd_m(&p_W)).abs() < 1e-12);
