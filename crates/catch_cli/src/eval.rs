@@ -96,8 +96,9 @@ struct Document<'a> {
     /// Calibration of the cameras before the first throw, where the scenario has one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     calibration: Vec<CameraDocument>,
-    /// What the cameras that are used know of the throws of the first cell.
-    rig: RigDocument,
+    /// What the calibrated cameras know of the throws of the first cell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rig: Option<RigDocument>,
     wall_s: f64,
     stages: BTreeMap<&'static str, StageTimes>,
 }
@@ -174,11 +175,13 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let is_told = !(arguments.json || arguments.markdown);
     let setup = &evaluation.cells[0].setup;
     let calibration = calibrate::before_throws(setup, arguments.seed, is_told)?;
-    let rig = camera_placement::score_of(setup, &setup.used_cameras(arguments.seed))?;
-    if is_told {
-        screen::fact("cameras", &rig.summary(setup.scenario.brain.grasp_selection.finger_margin_m))?;
+    let is_calibrated = setup.scenario.calibration.is_some();
+    let score = is_calibrated.then(|| camera_placement::score_of(setup, &setup.used_cameras(arguments.seed)));
+    let score = score.transpose()?;
+    if let Some(score) = score.as_ref().filter(|_| is_told) {
+        screen::fact("cameras", &score.summary(setup.scenario.brain.grasp_selection.finger_margin_m))?;
     }
-    let rig = RigDocument::of(&setup.scenario.flight_rig, &rig);
+    let rig = score.map(|it| RigDocument::of(&setup.scenario.flight_rig, &it));
     let pace = Pace::from(arguments);
     let done = complete(&evaluation, folder, pace, "trials")?;
     let Done { rows, timed, stopwatch } = &done;
