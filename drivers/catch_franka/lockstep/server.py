@@ -10,7 +10,6 @@ import argparse
 import os
 import pathlib
 import tempfile
-import time
 import tomllib
 import xml.etree.ElementTree as xml
 
@@ -70,65 +69,7 @@ model.write_text(mjcf(arguments.robot))
 os.environ["FR3_MJCF"] = str(model)
 
 import franka_sim.mujoco_franka_sim as simulation
-from franka_sim.franka_sim_server import FrankaSimServer
+from protocol import Arm, Server
 
 simulation.ARM_INITIAL_Q = simulation.np.array([float(it) for it in arguments.q.split(",")])
-
-
-class Arm(simulation.MujocoFrankaSim):
-    def run_simulation(self):
-        """Steps come from the server's cycles."""
-        while self.running:
-            time.sleep(0.05)
-
-
-class Lossy:
-    """The socket of commands. One that is lost is read and forgotten."""
-
-    def __init__(self, socket):
-        self.socket, self.count, self.lost = socket, 0, False
-
-    def __getattr__(self, name):
-        return getattr(self.socket, name)
-
-    def recvfrom(self, size):
-        data, address = self.socket.recvfrom(size)
-        self.count += 1
-        every = arguments.lose
-        if every and self.count % every < arguments.together and self.count >= every:
-            self.lost = True
-            raise BlockingIOError
-        return data, address
-
-
-class Server(FrankaSimServer):
-    def start_command_receiver(self):
-        self.udp_socket = Lossy(self.udp_socket)
-        super().start_command_receiver()
-
-    def _drain_gate(self, answer_deadline=0.0):
-        """Waits for the answer, however long the client's machine is busy, but for a dead client."""
-        began = time.perf_counter()
-        while self.comm.awaiting_answer and self.connection_running and time.perf_counter() < began + 1.0:
-            if self.udp_socket.lost:
-                break
-            time.sleep(2e-5)
-        while self._commands_in_flight and time.perf_counter() < began + 1.0:
-            time.sleep(2e-5)
-        self.udp_socket.lost = False
-        return time.perf_counter() - began
-
-    def _account_for_communication_cycle(self):
-        """The state that goes out is that after the step which the answer asked for."""
-        super()._account_for_communication_cycle()
-        self.physics_sim.step()
-        state = self.physics_sim.get_robot_state()
-        own = self._server_owned_state_fields
-        self.robot_state.state.update({field: value for field, value in state.items() if field not in own})
-
-
-server = Server(host="127.0.0.1", port=arguments.port, physics_sim=Arm(), enable_gripper=False,
-                enforce_comm_constraints=True, enforce_motion_limits=True)
-bind = server._bind_listener
-server._bind_listener = lambda: (bind(), print("ready", flush=True))
-server.start()
+Server(Arm(), arguments.port, lose=arguments.lose, together=arguments.together).start()

@@ -24,7 +24,7 @@ use std::{
 
 use catch_cell::{CameraModel, DepthFrame};
 
-use crate::hand::host_s;
+use crate::clock::Clock;
 
 /// Bytes of the header.
 const HEADER: usize = 36;
@@ -132,19 +132,19 @@ fn status(last: Option<&Last>, (number, capture_s, depth_m): (u32, f64, &[f32]),
 ///
 /// # Errors
 /// If the socket cannot be made.
-pub fn listen(socket: &Path, cameras: &[CameraModel]) -> io::Result<Receiver<Arrived>> {
+pub fn listen(socket: &Path, cameras: &[CameraModel], clock: &Clock) -> io::Result<Receiver<Arrived>> {
     if fs::symlink_metadata(socket).is_ok_and(|it| std::os::unix::fs::FileTypeExt::is_socket(&it.file_type())) {
         fs::remove_file(socket)?;
     }
-    let (listener, cameras) = (UnixListener::bind(socket)?, cameras.to_vec());
+    let (listener, cameras, clock) = (UnixListener::bind(socket)?, cameras.to_vec(), clock.clone());
     let (arrived, images) = channel();
     thread::spawn(move || {
         for sender in listener.incoming().flatten() {
-            let (arrived, cameras): (Sender<Arrived>, _) = (arrived.clone(), cameras.clone());
+            let (arrived, cameras, clock): (Sender<Arrived>, _, _) = (arrived.clone(), cameras.clone(), clock.clone());
             thread::spawn(move || {
                 let (mut reader, mut input) = (FrameReader::new(&cameras), BufReader::new(sender));
                 loop {
-                    match reader.read(&mut input, host_s) {
+                    match reader.read(&mut input, || clock.now_s()) {
                         Ok(image) => {
                             if arrived.send(image).is_err() {
                                 return;

@@ -11,6 +11,7 @@ use franka::Robot;
 
 use crate::{
     camera_socket::{Arrived, FrameStatus},
+    clock::Clock,
     control::{Control, Sample},
     enabling_key::EnablingKey,
     hand::Hand,
@@ -60,6 +61,7 @@ pub struct FrankaCell {
     sample: Sample,
     /// The host's clock less the robot's, by the states that came soonest.
     offset_s: f64,
+    watchdog: Duration,
     next_tick_s: f64,
     /// Images that were not fresh, with their cameras.
     pub statuses: Vec<(usize, FrameStatus)>,
@@ -121,9 +123,11 @@ impl FrankaCell {
         bounds: &Bounds,
         key: EnablingKey,
         (hand, images): (Option<Hand>, Receiver<Arrived>),
+        clock: Clock,
     ) -> Result<Self, CellFault> {
-        let mut control = Control::begin(robot, bounds.arm.clone(), key);
-        let Ok(sample) = control.samples.recv_timeout(START) else {
+        let watchdog = clock.patience(WATCHDOG);
+        let mut control = Control::begin(robot, bounds.arm.clone(), key, clock);
+        let Ok(sample) = control.next(START) else {
             return Err(CellFault::ProtectiveStop { cause: control.cause() });
         };
         let checker = Checker::new(bounds, sample.echo, 0);
@@ -131,7 +135,7 @@ impl FrankaCell {
             return Err(CellFault::ProtectiveStop { cause: "the link loses too much".to_owned() });
         };
         let offset_s = sample.heard_s - sample.time_s;
-        Ok(Self { control, checker, hand, images, sample, offset_s, next_tick_s: 0.0, statuses: Vec::new() })
+        Ok(Self { control, checker, hand, images, sample, offset_s, watchdog, next_tick_s: 0.0, statuses: Vec::new() })
     }
 
     /// Sends the arm straight to `q`, and waits until it stands there.
@@ -154,7 +158,7 @@ impl FrankaCell {
         if self.sample.has_stopped {
             return Err(CellFault::ProtectiveStop { cause: self.control.cause() });
         }
-        match self.control.samples.recv_timeout(WATCHDOG) {
+        match self.control.next(self.watchdog) {
             Ok(sample) => {
                 self.offset_s =
                     (self.offset_s + DRIFT * (sample.time_s - self.sample.time_s)).min(sample.heard_s - sample.time_s);
@@ -167,7 +171,7 @@ impl FrankaCell {
             }
             Err(std::sync::mpsc::RecvTimeoutError::Timeout) => Err(CellFault::LostConnection {
                 device: "arm".to_owned(),
-                cause: format!("no state for {} ms", WATCHDOG.as_millis()),
+                cause: format!("no state for {} ms", self.watchdog.as_millis()),
             }),
         }
     }

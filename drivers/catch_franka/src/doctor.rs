@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::{
     camera_socket::{self, FrameStatus},
+    clock::Clock,
     control::{Control, Sample},
     drive,
     enabling_key::EnablingKey,
@@ -94,11 +95,11 @@ pub fn findings(samples: &[Sample]) -> Findings {
 /// A device that does not answer.
 pub fn run(job: &DriveJob) -> anyhow::Result<()> {
     let bounds = drive::bounds(job)?;
-    let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &job.cell.cameras)?;
+    let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &job.cell.cameras, &Clock::Host)?;
     let key = EnablingKey::default();
     // The arm is held: there is no motion to enable.
     key.set(true);
-    let mut control = Control::begin(drive::connect(job)?, bounds.arm, key);
+    let mut control = Control::begin(drive::connect(job)?, bounds.arm, key, Clock::Host);
     let mut samples = Vec::new();
     while samples.last().is_none_or(|it: &Sample| it.time_s < MEASURED_S) {
         match control.samples.recv() {

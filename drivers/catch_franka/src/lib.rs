@@ -7,6 +7,7 @@
 
 pub mod camera_socket;
 pub mod cell;
+pub mod clock;
 pub mod control;
 pub mod doctor;
 pub mod drive;

@@ -1,14 +1,10 @@
 //! Recorded throws through the maker's protocol: `franka-sim` in lock-step, its motion limits and
-//! communication constraints enforced. `drivers/catch_franka/test` installs it, records the throws and runs this.
-
-#![allow(non_snake_case, missing_docs)]
+//! communication constraints enforced.
 
 use std::{
     env,
-    io::{BufRead, BufReader},
-    net::TcpListener,
     path::{Path, PathBuf},
-    process::{Child, Command, Stdio},
+    process::Command,
     sync::{Arc, mpsc},
     thread,
     time::{Duration, Instant},
@@ -18,56 +14,19 @@ use catch_body::{JointVector, Robot as Arm, robot::LimitScale};
 use catch_cell::{ArmTrajectory, Cell, CellFault, Executor, ExecutorConfig, cell_file::SafeBox};
 use catch_franka::{
     cell::{Bounds, FrankaCell, WATCHDOG},
+    clock::Clock,
     enabling_key::EnablingKey,
     margin, motion,
     setpoint::{CYCLE_S, Cycle, Sensed},
 };
 use catch_recording::{Part, RecordingReader, replay::RECORDED, sources::Sources};
-use franka::{FrankaError, JointPositions, MoveControllerMode, RealtimeConfig, Robot};
+use franka::{FrankaError, JointPositions, MoveControllerMode, Robot};
 use serde::de::IgnoredAny;
+
+use crate::server::{Server, root};
 
 /// Time from a tick until its command arrives.
 const LATENCY_S: f64 = 0.004;
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
-struct Server {
-    child: Child,
-    address: String,
-}
-
-impl Server {
-    fn start(q: &JointVector, more: &[&str]) -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let q: Vec<String> = q.iter().take(7).map(f64::to_string).collect();
-        let mut child = Command::new(root().join("target/franka/venv/bin/python"))
-            .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("lockstep/server.py"))
-            .arg(root().join("assets/robots/fr3"))
-            .args([port.to_string(), format!("--q={}", q.join(","))])
-            .args(more)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("drivers/catch_franka/test installs franka-sim");
-        let mut line = String::new();
-        BufReader::new(child.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();
-        assert_eq!(line, "ready\n");
-        Self { child, address: format!("127.0.0.1:{port}") }
-    }
-
-    fn connect(&self) -> Robot {
-        Robot::new(&self.address, RealtimeConfig::Ignore).unwrap()
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
 
 struct Throw {
     sources: Sources,
@@ -312,7 +271,7 @@ fn cell(server: &Server, arm: &Arm, key: &EnablingKey) -> Result<FrankaCell, Cel
     let bounds = Bounds { arm: arm.clone(), speed_scaling: 0.3, safe_box };
     let robot = server.connect();
     let _ = robot.automatic_error_recovery();
-    FrankaCell::begin(Arc::new(robot), &bounds, key.clone(), (None, mpsc::channel().1))
+    FrankaCell::begin(Arc::new(robot), &bounds, key.clone(), (None, mpsc::channel().1), Clock::Host)
 }
 
 /// The key is released in mid-motion: the arm brakes to rest, the cell says why, and the next one goes on.
