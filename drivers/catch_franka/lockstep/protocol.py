@@ -17,20 +17,33 @@ class Arm(MujocoFrankaSim):
 
 
 class Lossy:
-    """The socket of commands. Of `lose` commands `together` are lost: read and forgotten."""
+    """The socket of commands. Of `lose` commands `together` are lost: read and forgotten. Or, once, the link holds
+    `late` of them after so many, and lets them through with the next one, in order."""
 
-    def __init__(self, socket, lose, together):
-        self.socket, self.lose, self.together = socket, lose, together
-        self.count, self.lost = 0, False
+    def __init__(self, socket, lose, together, late):
+        self.socket, self.lose, self.together, self.late = socket, lose, together, late
+        self.count, self.lost, self.held, self.again = 0, False, [], []
 
     def __getattr__(self, name):
         return getattr(self.socket, name)
 
     def recvfrom(self, size):
         data, address = self.socket.recvfrom(size)
+        if data in self.again:
+            self.again.remove(data)
+            return data, address
         self.count += 1
-        if self.lose and self.count % self.lose < self.together and self.count >= self.lose:
-            self.lost = True
+        if self.held and self.count >= self.lose + self.late:
+            self.again, self.held = [*self.held, data], []
+            for it in self.again:
+                self.socket.sendto(it, ("127.0.0.1", self.socket.getsockname()[1]))
+            raise BlockingIOError
+        if self.late:
+            self.lost = self.lose <= self.count < self.lose + self.late
+            self.held += [data] if self.lost else []
+        elif self.lose:
+            self.lost = self.count % self.lose < self.together and self.count >= self.lose
+        if self.lost:
             raise BlockingIOError
         return data, address
 
@@ -38,10 +51,10 @@ class Lossy:
 class Server(FrankaSimServer):
     """It prints "ready" once it listens. Motion limits and communication constraints are enforced."""
 
-    def __init__(self, arm, port, lose=0, together=1):
+    def __init__(self, arm, port, lose=0, together=1, late=0):
         super().__init__(host="127.0.0.1", port=port, physics_sim=arm, enable_gripper=False,
                          enforce_comm_constraints=True, enforce_motion_limits=True)
-        self.losses = lose, together
+        self.losses = lose, together, late
 
     def _bind_listener(self):
         super()._bind_listener()
@@ -58,7 +71,7 @@ class Server(FrankaSimServer):
             if self.udp_socket.lost:
                 break
             time.sleep(2e-5)
-        while self._commands_in_flight and time.perf_counter() < began + PATIENCE_S:
+        while (self._commands_in_flight or self.udp_socket.again) and time.perf_counter() < began + PATIENCE_S:
             time.sleep(2e-5)
         self.udp_socket.lost = False
         return time.perf_counter() - began

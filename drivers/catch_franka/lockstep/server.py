@@ -1,9 +1,9 @@
 """The server of franka-sim in lock-step with its client: each answered state is one step of physics.
 
-    python server.py ROBOT_FOLDER PORT --q=q1,...,q7 [--lose N,M] [--together R]
+    python server.py ROBOT_FOLDER PORT --q=q1,...,q7 [--lose N] [--together R] [--late L]
 
-It prints "ready" once it listens. With --lose every N-th answer is lost, R answers together; motions that
-begin anew count anew. Motion limits and communication constraints are enforced.
+It prints "ready" once it listens. With --lose every N-th answer is lost, R answers together; with --late, too, the link holds L answers, once, after the
+N-th. Connections count anew. Motion limits and communication constraints are enforced.
 """
 
 import argparse
@@ -63,6 +63,7 @@ arguments.add_argument("port", type=int)
 arguments.add_argument("--q", required=True)
 arguments.add_argument("--lose", type=int, default=0)
 arguments.add_argument("--together", type=int, default=1)
+arguments.add_argument("--late", type=int, default=0)
 arguments = arguments.parse_args()
 model = pathlib.Path(tempfile.mkdtemp()) / "arm.xml"
 model.write_text(mjcf(arguments.robot))
@@ -72,4 +73,4 @@ import franka_sim.mujoco_franka_sim as simulation
 from protocol import Arm, Server
 
 simulation.ARM_INITIAL_Q = simulation.np.array([float(it) for it in arguments.q.split(",")])
-Server(Arm(), arguments.port, lose=arguments.lose, together=arguments.together).start()
+Server(Arm(), arguments.port, lose=arguments.lose, together=arguments.together, late=arguments.late).start()

@@ -14,7 +14,7 @@
 //! | 4 | number of bytes of the pixels |
 
 use std::{
-    fs, io,
+    fmt, fs, io,
     io::{BufReader, ErrorKind, Read},
     os::unix::net::UnixListener,
     path::Path,
@@ -23,6 +23,7 @@ use std::{
 };
 
 use catch_cell::{CameraModel, DepthFrame};
+use serde::Serialize;
 
 use crate::clock::Clock;
 
@@ -44,6 +45,41 @@ pub enum FrameStatus {
     Frozen,
     /// It was captured before the one that came before it.
     Swapped,
+}
+
+/// What was wrong with the images of a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct ImageFaults {
+    /// Images that did not arrive.
+    pub lost: u32,
+    /// Images that came late.
+    pub late: u32,
+    /// Images that repeat the one before.
+    pub frozen: u32,
+    /// Images older than the one before.
+    pub swapped: u32,
+    /// Times at which the camera fell silent.
+    pub silent: u32,
+}
+
+impl ImageFaults {
+    /// Counts an image.
+    pub fn count(&mut self, status: FrameStatus) {
+        match status {
+            FrameStatus::Fresh => {}
+            FrameStatus::AfterLost(count) => self.lost += count,
+            FrameStatus::Late => self.late += 1,
+            FrameStatus::Frozen => self.frozen += 1,
+            FrameStatus::Swapped => self.swapped += 1,
+        }
+    }
+}
+
+impl fmt::Display for ImageFaults {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { lost, late, frozen, swapped, silent } = self;
+        write!(f, "{lost} images lost, {late} late, {frozen} frozen, {swapped} swapped, {silent} times silent")
+    }
 }
 
 /// An image, its capture time on the host's clock.

@@ -6,7 +6,7 @@ use catch_recording::drive_job::DriveJob;
 use serde::Serialize;
 
 use crate::{
-    camera_socket::{self, FrameStatus},
+    camera_socket::{self, ImageFaults},
     clock::Clock,
     control::{Control, Sample},
     drive,
@@ -47,14 +47,9 @@ pub struct Findings {
 pub struct Images {
     /// Images per second.
     pub rate_hz: f64,
-    /// Images that did not arrive.
-    pub lost: u32,
-    /// Images that came late.
-    pub late: u32,
-    /// Images that repeat the one before.
-    pub frozen: u32,
-    /// Images older than the one before.
-    pub swapped: u32,
+    /// What was wrong with them.
+    #[serde(flatten)]
+    pub faults: ImageFaults,
 }
 
 /// Median, 99th percentile and most, in ms.
@@ -112,13 +107,7 @@ pub fn run(job: &DriveJob) -> anyhow::Result<()> {
     for image in images.try_iter() {
         let camera = found.images.entry(image.frame.camera).or_default();
         camera.rate_hz += 1.0 / MEASURED_S;
-        match image.status {
-            FrameStatus::Fresh => {}
-            FrameStatus::AfterLost(count) => camera.lost += count,
-            FrameStatus::Late => camera.late += 1,
-            FrameStatus::Frozen => camera.frozen += 1,
-            FrameStatus::Swapped => camera.swapped += 1,
-        }
+        camera.faults.count(image.status);
     }
     println!("{}", serde_json::to_string_pretty(&found)?);
     Ok(())

@@ -16,7 +16,7 @@ use catch_recording::{
 use franka::{RealtimeConfig, Robot};
 
 use crate::{
-    camera_socket,
+    camera_socket::{self, ImageFaults},
     cell::{Bounds, FrankaCell},
     clock::Clock,
     dry_run::DryCell,
@@ -98,7 +98,11 @@ fn drive(
             cell.go_to(ready_q, 1)?;
             println!("ready");
             brain.reset();
-            match throw(&mut cell, brain, known, &job.out) {
+            let ended = throw(&mut cell, brain, known, &job.out);
+            for (camera, faults) in cell.image_faults.iter().filter(|it| *it.1 != ImageFaults::default()) {
+                println!("camera {camera}: {faults}");
+            }
+            match ended {
                 Ok(()) => Ok(()),
                 Err(Stopped::Cell(fault)) => Err(fault.error),
                 Err(Stopped::Recording(fault)) => Err(CellFault::ProtectiveStop { cause: fault.to_string() }),

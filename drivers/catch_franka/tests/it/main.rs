@@ -3,6 +3,8 @@
 #![allow(non_snake_case, missing_docs)]
 
 mod cameras;
+mod fake_hand;
+mod faults;
 mod lockstep;
 mod server;
 mod whole_catch;
