@@ -89,6 +89,8 @@ pub struct Arrived {
     pub frame: DepthFrame,
     /// Its status.
     pub status: FrameStatus,
+    /// Time from its capture to its arrival in seconds.
+    pub latency_s: f64,
 }
 
 /// The last image of a camera.
@@ -146,10 +148,11 @@ impl<'a> FrameReader<'a> {
             2 => pixels.chunks_exact(2).map(|it| f32::from(u16::from_le_bytes([it[0], it[1]])) * 1e-3).collect(),
             _ => pixels.chunks_exact(4).map(|it| f32::from_le_bytes([it[0], it[1], it[2], it[3]])).collect(),
         };
-        let status = status(self.last[camera].as_ref(), (number, capture_s, &depth_m), now_s());
+        let now_s = now_s();
+        let status = status(self.last[camera].as_ref(), (number, capture_s, &depth_m), now_s);
         self.last[camera] = Some(Last { number, capture_s, depth_m: depth_m.clone() });
         let frame = DepthFrame { camera, capture_s, window: model.full_window(), depth_m, mask: None };
-        Ok(Arrived { frame, status })
+        Ok(Arrived { frame, status, latency_s: now_s - capture_s })
     }
 }
 

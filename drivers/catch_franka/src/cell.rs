@@ -11,8 +11,8 @@ use std::{
 
 use catch_body::{JointVector, Robot as Arm, robot::LimitScale};
 use catch_cell::{
-    ArmState, ArmTrajectory, Cell, CellFault, Command, DepthFrame, Executor, ExecutorConfig, GraspState, GripperMove, GripperState,
-    Observation, Rejection, cell_file::SafeBox,
+    ArmState, ArmTrajectory, Cell, CellFault, Command, DepthFrame, Executor, ExecutorConfig, GraspState, GripperMove,
+    GripperState, Observation, Rejection, cell_file::SafeBox,
 };
 use franka::Robot;
 
@@ -187,9 +187,7 @@ impl FrankaCell {
                 self.sample = sample;
                 Ok(())
             }
-            Err(RecvTimeoutError::Disconnected) => {
-                Err(CellFault::ProtectiveStop { cause: self.control.cause() })
-            }
+            Err(RecvTimeoutError::Disconnected) => Err(CellFault::ProtectiveStop { cause: self.control.cause() }),
             Err(RecvTimeoutError::Timeout) => Err(CellFault::LostConnection {
                 device: "arm".to_owned(),
                 cause: format!("no state for {} ms", self.watchdog.as_millis()),
@@ -208,7 +206,7 @@ impl FrankaCell {
     fn frames(&mut self) -> Vec<DepthFrame> {
         let time_s = self.sample.time_s;
         let mut frames = Vec::new();
-        for Arrived { mut frame, status } in self.images.try_iter() {
+        for Arrived { mut frame, status, .. } in self.images.try_iter() {
             frame.capture_s -= self.offset_s;
             self.image_faults.entry(frame.camera).or_default().count(status);
             let is_misdated = matches!(status, FrameStatus::Frozen | FrameStatus::Swapped);

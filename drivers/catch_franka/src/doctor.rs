@@ -1,14 +1,16 @@
 //! What the links to arm and cameras are like: measured while the arm is held.
 
-use std::{collections::BTreeMap, path::Path};
+use std::{collections::BTreeMap, fs, path::Path};
 
+use anyhow::Context;
 use catch_recording::drive_job::DriveJob;
 use serde::Serialize;
 
 use crate::{
-    camera_socket::{self, ImageFaults},
+    camera_socket::{self, Arrived, ImageFaults},
     clock::Clock,
     control::{Control, Sample},
+    depth_noise::{DepthNoise, NoiseFigures},
     drive,
     enabling_key::EnablingKey,
     margin,
@@ -16,6 +18,8 @@ use crate::{
 
 /// Duration of the measurement in seconds.
 const MEASURED_S: f64 = 10.0;
+/// Name of the file with the findings.
+const FILE: &str = "doctor.json";
 
 /// What was measured.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -45,8 +49,14 @@ pub struct Findings {
 /// Images of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Images {
+    /// Images that arrived.
+    pub frames: usize,
     /// Images per second.
     pub rate_hz: f64,
+    /// Time from capture to arrival in seconds, the mean.
+    pub latency_s: f64,
+    /// Noise of the depth, as long as nothing moves; null if there were no depths.
+    pub noise: Option<NoiseFigures>,
     /// What was wrong with them.
     #[serde(flatten)]
     pub faults: ImageFaults,
@@ -84,7 +94,31 @@ pub fn findings(samples: &[Sample]) -> Findings {
     }
 }
 
-/// Measures, and prints the findings as JSON.
+/// Images of a camera as they arrive.
+#[derive(Debug, Default)]
+struct Watched {
+    count: usize,
+    latency_s: f64,
+    faults: ImageFaults,
+    noise: DepthNoise,
+}
+
+impl Watched {
+    fn add(&mut self, image: &Arrived) {
+        self.count += 1;
+        self.latency_s += image.latency_s;
+        self.faults.count(image.status);
+        self.noise.add(&image.frame.depth_m);
+    }
+
+    fn found(&self) -> Images {
+        let count = self.count as f64;
+        let (rate_hz, latency_s) = (count / MEASURED_S, self.latency_s / count);
+        Images { frames: self.count, rate_hz, latency_s, noise: self.noise.figures(), faults: self.faults }
+    }
+}
+
+/// Measures, prints the findings as JSON, and writes them to `doctor.json` in the folder for results.
 ///
 /// # Errors
 /// A device that does not answer.
@@ -95,20 +129,20 @@ pub fn run(job: &DriveJob) -> anyhow::Result<()> {
     // The arm is held: there is no motion to enable.
     key.set(true);
     let mut control = Control::begin(drive::connect(job)?, bounds.arm, key, Clock::Host);
-    let mut samples = Vec::new();
+    let (mut samples, mut watched) = (Vec::new(), BTreeMap::<usize, Watched>::new());
     while samples.last().is_none_or(|it: &Sample| it.time_s < MEASURED_S) {
         match control.samples.recv() {
             Ok(sample) => samples.push(sample),
             Err(_) => anyhow::bail!("the arm: {}", control.cause()),
         }
+        for image in images.try_iter() {
+            watched.entry(image.frame.camera).or_default().add(&image);
+        }
     }
     control.stop();
-    let mut found = findings(&samples);
-    for image in images.try_iter() {
-        let camera = found.images.entry(image.frame.camera).or_default();
-        camera.rate_hz += 1.0 / MEASURED_S;
-        camera.faults.count(image.status);
-    }
-    println!("{}", serde_json::to_string_pretty(&found)?);
-    Ok(())
+    let cameras = watched.iter().map(|(camera, it)| (*camera, it.found())).collect();
+    let found = serde_json::to_string_pretty(&Findings { images: cameras, ..findings(&samples) })?;
+    println!("{found}");
+    let file = job.out.join(FILE);
+    fs::write(&file, found).with_context(|| file.display().to_string())
 }

@@ -89,7 +89,13 @@ fn drive(
         }
         // A socket of its own for each motion: images of before are none of its clock.
         let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &known.cameras, &Clock::Host)?;
-        let hand = job.links.hand.as_ref().map(|it| Hand::connect(&it.address, Clock::Host)).transpose().context("the gripper")?;
+        let hand = job
+            .links
+            .hand
+            .as_ref()
+            .map(|it| Hand::connect(&it.address, Clock::Host))
+            .transpose()
+            .context("the gripper")?;
         let robot = connect(job)?;
         // It clears what made the robot stop before, and does nothing else.
         let _ = robot.automatic_error_recovery();

@@ -182,7 +182,8 @@ fn bad_images_are_told() {
     let mut cell = fixture.cell(wide(), (None, images)).unwrap();
     while cell.sense().unwrap().time_s < 0.5 {}
     let (now_s, mut sender) = (fixture.clock.now_s(), UnixStream::connect(&socket).unwrap());
-    for (number, before_s, depth_mm) in [(0, 0.3, 1500), (3, 0.05, 1501), (4, 0.04, 1501), (5, 0.045, 1502), (6, 0.01, 1503)]
+    for (number, before_s, depth_mm) in
+        [(0, 0.3, 1500), (3, 0.05, 1501), (4, 0.04, 1501), (5, 0.045, 1502), (6, 0.01, 1503)]
     {
         sender.write_all(&image(number, now_s - before_s, depth_mm)).unwrap();
     }

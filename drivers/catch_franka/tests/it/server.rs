@@ -1,6 +1,7 @@
 //! Simulated devices as processes of their own.
 
 use std::{
+    env,
     io::{BufRead, BufReader},
     net::TcpListener,
     path::{Path, PathBuf},
@@ -42,11 +43,13 @@ impl Server {
 
     /// Runs a script, and waits until it listens.
     pub fn run<'a>(script: &str, address: String, arguments: impl Iterator<Item = &'a str>) -> Self {
-        let mut child = Command::new(root().join("target/franka/venv/bin/python"))
+        let python =
+            env::var_os("FRANKA_PYTHON").map_or_else(|| root().join("target/franka/venv/bin/python"), PathBuf::from);
+        let mut child = Command::new(python)
             .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("lockstep").join(script))
             .args(arguments)
             .stdout(Stdio::piped())
-            .stderr(if std::env::var_os("LOUD").is_some() { Stdio::inherit() } else { Stdio::null() })
+            .stderr(Stdio::null())
             .spawn()
             .expect("drivers/catch_franka/test installs franka-sim");
         let lines = BufReader::new(child.stdout.take().unwrap());
