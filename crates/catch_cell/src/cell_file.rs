@@ -101,7 +101,11 @@ impl CellFile {
             return Err(InputError::new(file, "speed_scaling", cell.speed_scaling, "at most 1"));
         }
         let hand = cell.hand.iter().map(|it| {
-            ("hand.address", &it.address, "the gripper's network address, such as 172.16.0.2; or no table [hand] at all")
+            (
+                "hand.address",
+                &it.address,
+                "the gripper's network address, such as 172.16.0.2; or no table [hand] at all",
+            )
         });
         let others = [
             ("arm.driver", &cell.arm.driver, "a program's name, such as catch_franka"),
@@ -150,9 +154,17 @@ mod tests {
         for (right, wrong, said) in [
             ("[0.8,", "[-0.3,", "cell.toml: safe_box.high_m[0]: found -0.3, expected more than safe_box.low_m[0]"),
             ("driver = \"catch_franka\"", "driver = \"\"", "cell.toml: arm.driver: found \"\""),
-            ("172.16.0.2", "172.16.0.2 ", "arm.address: found \"172.16.0.2 \", expected the robot controller's network"),
+            (
+                "172.16.0.2",
+                "172.16.0.2 ",
+                "arm.address: found \"172.16.0.2 \", expected the robot controller's network",
+            ),
             ("address = \"172.16.0.2\"", "address = \"\"", "cell.toml: arm.address: found \"\""),
-            ("[cameras]", "[hand]\naddress = \"\"\n[cameras]", "cell.toml: hand.address: found \"\", expected the gripper's"),
+            (
+                "[cameras]",
+                "[hand]\naddress = \"\"\n[cameras]",
+                "cell.toml: hand.address: found \"\", expected the gripper's",
+            ),
             ("/tmp/cameras", "", "cell.toml: cameras.socket: found \"\""),
             ("socket", "sokcet", "sokcet"),
             ("[arm]", "speed_scaling = 11.0\n[arm]", "speed_scaling: found 11"),

@@ -10,9 +10,9 @@ use std::{
 };
 
 use anyhow::Context;
-use catch_body::InputError;
+use catch_body::{InputError, statistics::wilson95};
 use catch_lab::{
-    evaluation::{Cell, Evaluation, cell_summary::CellSummary},
+    evaluation::{Cell, Evaluation},
     scenario::setup::Setup,
 };
 use catch_sim::depth_noise::{DepthModel, StereoNoise};
@@ -24,7 +24,7 @@ use crate::drive;
 /// File in the folder for results in which a driver leaves its findings.
 const FINDINGS: &str = "doctor.json";
 /// Throws of the prediction.
-const THROWS: u64 = 100;
+const THROWS: u64 = 50;
 /// Steps of the arena in seconds.
 const STEP_S: f64 = 1e-3;
 
@@ -34,7 +34,7 @@ pub struct DoctorArguments {
     /// The cell's file: `catchingbot new cell` writes one
     #[arg(value_name = "CELL.toml")]
     cell: PathBuf,
-    /// Folder for what the driver is told, and finds
+    /// Folder for what the driver is told
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
 }
@@ -88,18 +88,17 @@ pub fn run(DoctorArguments { cell, out }: &DoctorArguments) -> anyhow::Result<()
     let mut speeds = vec![links.speed_scaling, 1.0];
     speeds.dedup();
     for speed in speeds {
-        let summary = predicted(cell, &found, speed, ratio)?;
-        let [low, high] = summary.wilson95.unwrap_or([0.0, 1.0]).map(|it| it * 100.0);
+        let caught = predicted(cell, &found, speed, ratio)?;
+        let [low, high] = wilson95(caught, THROWS as usize).map(|it| it * 100.0);
         println!(
-            "with these figures and speed_scaling = {speed} the arena catches {} of {THROWS} throws ({low:.0} to {high:.0} %)",
-            summary.caught
+            "with these figures and speed_scaling = {speed} the arena catches {caught} of {THROWS} throws ({low:.0} to {high:.0} %)"
         );
     }
     Ok(())
 }
 
-/// The arena's catches with a cell's findings, at a fraction of the arm's limits.
-fn predicted(path: &Path, found: &Findings, speed: f64, acceleration_ratio: f64) -> Result<CellSummary, InputError> {
+/// Number of the arena's catches with a cell's findings, at a fraction of the arm's limits.
+fn predicted(path: &Path, found: &Findings, speed: f64, acceleration_ratio: f64) -> Result<usize, InputError> {
     let (_, plain) = drive::setup(path, &[])?;
     let (_, mut setup) = drive::setup(path, &settings(&plain, found, speed, acceleration_ratio))?;
     if plain.scenario.arena.free_running_cameras {
@@ -108,15 +107,14 @@ fn predicted(path: &Path, found: &Findings, speed: f64, acceleration_ratio: f64)
         }
     }
     setup.scenario.arena.depth.model = noise(&plain, found);
-    let (object, throw) = (setup.object.name.clone(), setup.throw.name.clone());
     let evaluation = Evaluation { cells: vec![Cell::new(setup)], seed: 1, first: 0, trials: THROWS };
     let threads = thread::available_parallelism().map_or(1, NonZero::get);
-    let mut rows = Vec::new();
+    let mut caught = 0;
     evaluation.run(0, threads, &mut |row, _| {
-        rows.push(row);
+        caught += usize::from(row.verdict.caught);
         Ok(())
     })?;
-    Ok(CellSummary::of(&object, &throw, &rows.iter().collect::<Vec<_>>(), false))
+    Ok(caught)
 }
 
 /// Settings of the scenario that are figures of the links.

@@ -7,7 +7,7 @@ use catch_recording::drive_job::DriveJob;
 use serde::Serialize;
 
 use crate::{
-    camera_socket::{self, Arrived, ImageFaults},
+    camera_socket::{self, Arrived, FrameStatus, ImageFaults},
     clock::Clock,
     control::{Control, Sample},
     depth_noise::{DepthNoise, NoiseFigures},
@@ -108,7 +108,10 @@ impl Watched {
         self.count += 1;
         self.latency_s += image.latency_s;
         self.faults.count(image.status);
-        self.noise.add(&image.frame.depth_m);
+        // A repeated image has the noise of the one before.
+        if image.status != FrameStatus::Frozen {
+            self.noise.add(&image.frame.depth_m);
+        }
     }
 
     fn found(&self) -> Images {
