@@ -9,6 +9,8 @@ import numpy as np
 import catchingbot as cb
 
 TICK_S = 0.001
+# MuJoCo 3.2 tells no normals, and takes no argument for them.
+NORMALS = [None] if "normal:" in mujoco.mj_multiRay.__doc__ else []
 # What can touch the object, in the order in which the referee asks for it.
 PARTS = ["left", "right", "palm", "arm", "floor", "obstacle"]
 
@@ -101,7 +103,7 @@ class Images:
         geoms, far = np.full(count, -1, np.int32), np.zeros(count)
         if count > 0:
             seen = np.array([0, 1, 0, 0, 0, 0], np.uint8)
-            mujoco.mj_multiRay(model, data, X_WC[:3, 3].copy(), rays.ravel(), seen, 1, -1, geoms, far, None, count, 100.0)
+            mujoco.mj_multiRay(model, data, X_WC[:3, 3].copy(), rays.ravel(), seen, 1, -1, geoms, far, *NORMALS, count, 100.0)
         hit, depth = np.flatnonzero(geoms >= 0), np.full(count, np.nan, np.float32)
         depth[hit] = self.noisy(far[hit] * along.ravel()[hit], self.cameras[camera].K[0, 0])
         mask = (geoms == model.geom("surface").id).reshape(shape) if self.labels else None

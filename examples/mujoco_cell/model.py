@@ -18,16 +18,25 @@ def matrix(position, xyzw) -> np.ndarray:
     return X
 
 
+def exported(setup: cb.Setup, *throw: int) -> mujoco.MjModel:
+    """The scene as exported."""
+    xml = setup.mjcf(*throw)
+    if not hasattr(mujoco.mjtMeshInertia, "mjMESH_INERTIA_SHELL"):
+        # MuJoCo 3.2 has no inertia of shells, and the object's is stated.
+        xml = xml.replace('inertia="shell"', "")
+    return mujoco.MjModel.from_xml_string(xml)
+
+
 def nominal(setup: cb.Setup) -> mujoco.MjModel:
     """The scene with nominal values, as the arm's controller believes it to be. Nothing touches anything, and no joint has a stop."""
-    model = mujoco.MjModel.from_xml_string(setup.mjcf())
+    model = exported(setup)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return model
 
 
 def scene(setup: cb.Setup, seed: int, index: int, drawn: dict) -> mujoco.MjModel:
     """The scene under the conditions that are drawn for a throw."""
-    model = mujoco.MjModel.from_xml_string(setup.mjcf(seed, index))
+    model = exported(setup, seed, index)
     for joint, ratio in zip(setup.robot.numbers["joints"], drawn["link_mass_ratios"], strict=True):
         link = model.body("arm/" + joint["link"]).id
         model.body_mass[link] *= ratio

@@ -100,9 +100,21 @@ impl CellFile {
         if cell.speed_scaling > 1.0 {
             return Err(InputError::new(file, "speed_scaling", cell.speed_scaling, "at most 1"));
         }
-        for (field, value) in [("arm.driver", &cell.arm.driver), ("arm.address", &cell.arm.address)] {
+        let hand = cell.hand.iter().map(|it| {
+            (
+                "hand.address",
+                &it.address,
+                "the gripper's network address, such as 172.16.0.2; or no table [hand] at all",
+            )
+        });
+        let others = [
+            ("arm.driver", &cell.arm.driver, "a program's name, such as catch_franka"),
+            ("arm.address", &cell.arm.address, "the robot controller's network address, such as 172.16.0.2"),
+            ("cameras.socket", &cell.cameras.socket, "a socket's path, such as /tmp/catchingbot-cameras"),
+        ];
+        for (field, value, expected) in others.into_iter().chain(hand) {
             if value.is_empty() || value.contains(char::is_whitespace) {
-                return Err(InputError::new(file, field, format!("{value:?}"), "a name without spaces"));
+                return Err(InputError::new(file, field, format!("{value:?}"), expected));
             }
         }
         Ok(cell)
@@ -142,7 +154,18 @@ mod tests {
         for (right, wrong, said) in [
             ("[0.8,", "[-0.3,", "cell.toml: safe_box.high_m[0]: found -0.3, expected more than safe_box.low_m[0]"),
             ("driver = \"catch_franka\"", "driver = \"\"", "cell.toml: arm.driver: found \"\""),
-            ("172.16.0.2", "172.16.0.2 ", "arm.address"),
+            (
+                "172.16.0.2",
+                "172.16.0.2 ",
+                "arm.address: found \"172.16.0.2 \", expected the robot controller's network",
+            ),
+            ("address = \"172.16.0.2\"", "address = \"\"", "cell.toml: arm.address: found \"\""),
+            (
+                "[cameras]",
+                "[hand]\naddress = \"\"\n[cameras]",
+                "cell.toml: hand.address: found \"\", expected the gripper's",
+            ),
+            ("/tmp/cameras", "", "cell.toml: cameras.socket: found \"\""),
             ("socket", "sokcet", "sokcet"),
             ("[arm]", "speed_scaling = 11.0\n[arm]", "speed_scaling: found 11"),
             ("high_m = [0.8, ", "high_m = [", "safe_box.high_m"),

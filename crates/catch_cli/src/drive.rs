@@ -1,4 +1,4 @@
-//! `catchingbot drive` and `catchingbot doctor`: a real cell, through the driver that its file names.
+//! `catchingbot drive`: a real cell, through the driver that its file names.
 
 use std::{
     env, io,
@@ -30,17 +30,6 @@ pub struct DriveArguments {
     out: PathBuf,
 }
 
-/// Arguments of `doctor`.
-#[derive(Debug, Args)]
-pub struct DoctorArguments {
-    /// The cell's file: `catchingbot new cell` writes one
-    #[arg(value_name = "CELL.toml")]
-    cell: PathBuf,
-    /// Folder for what the driver is told
-    #[arg(long, value_name = "DIR", default_value = "out")]
-    out: PathBuf,
-}
-
 /// Lets the driver catch.
 ///
 /// # Errors
@@ -49,19 +38,21 @@ pub fn run(DriveArguments { cell, dry_run, out }: &DriveArguments) -> anyhow::Re
     start("drive", cell, out, *dry_run)
 }
 
-/// Lets the driver measure its links.
-///
-/// # Errors
-/// As [`run`].
-pub fn doctor(DoctorArguments { cell, out }: &DoctorArguments) -> anyhow::Result<()> {
-    start("doctor", cell, out, false)
-}
-
 /// Reads a cell's file and all that it names.
 ///
 /// # Errors
 /// The first fault, with file and field.
 pub fn read(path: &Path) -> Result<(CellFile, RecordedCell), InputError> {
+    let (links, setup) = setup(path, &[])?;
+    let cell = RecordedCell { cameras: setup.cameras.clone(), ..recording::cell(&setup, 0, 0) };
+    Ok((links, cell))
+}
+
+/// As [`read`], with further settings of the scenario, as an arena has it.
+///
+/// # Errors
+/// As [`read`].
+pub fn setup(path: &Path, more: &[String]) -> Result<(CellFile, Setup), InputError> {
     let file = path.display().to_string();
     let text = FileKind::toml("the file of a cell (`catchingbot new cell`)").read_text(path)?;
     let links = CellFile::from_toml(&file, &text)?;
@@ -72,7 +63,7 @@ pub fn read(path: &Path) -> Result<(CellFile, RecordedCell), InputError> {
     };
     let [scenario, robot, gripper, object] = [&links.scenario, &links.robot, &links.gripper, &links.object].map(beside);
     let workcell = links.workcell.as_ref().map(beside);
-    let settings = [format!("flight_rig={}", beside(&links.rig))];
+    let settings = [&[format!("flight_rig={}", beside(&links.rig))], more].concat();
     let choice = Choice {
         scenario: Some(&scenario),
         robot: Some(&robot),
@@ -86,12 +77,14 @@ pub fn read(path: &Path) -> Result<(CellFile, RecordedCell), InputError> {
         let field = fault.field.trim_start_matches("--").replace("set flight_rig", "rig");
         if fault.file == COMMAND_LINE { InputError { file: file.clone(), field, ..fault } } else { fault }
     })?;
-    let cell = RecordedCell { cameras: setup.cameras.clone(), ..recording::cell(&setup, 0, 0) };
-    Ok((links, cell))
+    Ok((links, setup))
 }
 
-/// Starts the driver and waits for its end.
-fn start(command: &str, path: &Path, out: &Path, dry_run: bool) -> anyhow::Result<()> {
+/// Starts the driver with a task, and waits for its end.
+///
+/// # Errors
+/// As [`run`].
+pub fn start(command: &str, path: &Path, out: &Path, dry_run: bool) -> anyhow::Result<()> {
     let (links, cell) = read(path)?;
     let driver = links.arm.driver.clone();
     let job = out.join(format!("{command}.job"));

@@ -18,6 +18,7 @@ mod calibrate;
 mod catch;
 mod check;
 mod compare;
+mod doctor;
 mod drive;
 mod eval;
 mod export;
@@ -122,7 +123,7 @@ enum Command {
     /// Catches with a real arm, through the driver that a cell's file names
     Drive(drive::DriveArguments),
     /// Measures the links to a real arm and its cameras: jitter, losses, latency, clocks
-    Doctor(drive::DoctorArguments),
+    Doctor(doctor::DoctorArguments),
 }
 
 /// The version, with the commit where the program was built from a repository.
@@ -263,6 +264,6 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::New(new)) => new::run(&new),
         Some(Command::Check(check)) => check::run(&check),
         Some(Command::Drive(drive)) => drive::run(&drive),
-        Some(Command::Doctor(doctor)) => drive::doctor(&doctor),
+        Some(Command::Doctor(doctor)) => doctor::run(&doctor),
     }
 }

@@ -1,16 +1,15 @@
 """The server of franka-sim in lock-step with its client: each answered state is one step of physics.
 
-    python server.py ROBOT_FOLDER PORT --q=q1,...,q7 [--lose N,M] [--together R]
+    python server.py ROBOT_FOLDER PORT --q=q1,...,q7 [--lose N] [--together R] [--late L]
 
-It prints "ready" once it listens. With --lose every N-th answer is lost, R answers together; motions that
-begin anew count anew. Motion limits and communication constraints are enforced.
+It prints "ready" once it listens. With --lose every N-th answer is lost, R answers together; with --late, too, the link holds L answers, once, after the
+N-th. Connections count anew. Motion limits and communication constraints are enforced.
 """
 
 import argparse
 import os
 import pathlib
 import tempfile
-import time
 import tomllib
 import xml.etree.ElementTree as xml
 
@@ -64,71 +63,14 @@ arguments.add_argument("port", type=int)
 arguments.add_argument("--q", required=True)
 arguments.add_argument("--lose", type=int, default=0)
 arguments.add_argument("--together", type=int, default=1)
+arguments.add_argument("--late", type=int, default=0)
 arguments = arguments.parse_args()
 model = pathlib.Path(tempfile.mkdtemp()) / "arm.xml"
 model.write_text(mjcf(arguments.robot))
 os.environ["FR3_MJCF"] = str(model)
 
 import franka_sim.mujoco_franka_sim as simulation
-from franka_sim.franka_sim_server import FrankaSimServer
+from protocol import Arm, Server
 
 simulation.ARM_INITIAL_Q = simulation.np.array([float(it) for it in arguments.q.split(",")])
-
-
-class Arm(simulation.MujocoFrankaSim):
-    def run_simulation(self):
-        """Steps come from the server's cycles."""
-        while self.running:
-            time.sleep(0.05)
-
-
-class Lossy:
-    """The socket of commands. One that is lost is read and forgotten."""
-
-    def __init__(self, socket):
-        self.socket, self.count, self.lost = socket, 0, False
-
-    def __getattr__(self, name):
-        return getattr(self.socket, name)
-
-    def recvfrom(self, size):
-        data, address = self.socket.recvfrom(size)
-        self.count += 1
-        every = arguments.lose
-        if every and self.count % every < arguments.together and self.count >= every:
-            self.lost = True
-            raise BlockingIOError
-        return data, address
-
-
-class Server(FrankaSimServer):
-    def start_command_receiver(self):
-        self.udp_socket = Lossy(self.udp_socket)
-        super().start_command_receiver()
-
-    def _drain_gate(self, answer_deadline=0.0):
-        """Waits for the answer, however long the client's machine is busy, but for a dead client."""
-        began = time.perf_counter()
-        while self.comm.awaiting_answer and self.connection_running and time.perf_counter() < began + 1.0:
-            if self.udp_socket.lost:
-                break
-            time.sleep(2e-5)
-        while self._commands_in_flight and time.perf_counter() < began + 1.0:
-            time.sleep(2e-5)
-        self.udp_socket.lost = False
-        return time.perf_counter() - began
-
-    def _account_for_communication_cycle(self):
-        """The state that goes out is that after the step which the answer asked for."""
-        super()._account_for_communication_cycle()
-        self.physics_sim.step()
-        state = self.physics_sim.get_robot_state()
-        own = self._server_owned_state_fields
-        self.robot_state.state.update({field: value for field, value in state.items() if field not in own})
-
-
-server = Server(host="127.0.0.1", port=arguments.port, physics_sim=Arm(), enable_gripper=False,
-                enforce_comm_constraints=True, enforce_motion_limits=True)
-bind = server._bind_listener
-server._bind_listener = lambda: (bind(), print("ready", flush=True))
-server.start()
+Server(Arm(), arguments.port, lose=arguments.lose, together=arguments.together, late=arguments.late).start()

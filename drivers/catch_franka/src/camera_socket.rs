@@ -14,7 +14,7 @@
 //! | 4 | number of bytes of the pixels |
 
 use std::{
-    fs, io,
+    fmt, fs, io,
     io::{BufReader, ErrorKind, Read},
     os::unix::net::UnixListener,
     path::Path,
@@ -23,8 +23,9 @@ use std::{
 };
 
 use catch_cell::{CameraModel, DepthFrame};
+use serde::Serialize;
 
-use crate::hand::host_s;
+use crate::clock::Clock;
 
 /// Bytes of the header.
 const HEADER: usize = 36;
@@ -46,6 +47,41 @@ pub enum FrameStatus {
     Swapped,
 }
 
+/// What was wrong with the images of a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct ImageFaults {
+    /// Images that did not arrive.
+    pub lost: u32,
+    /// Images that came late.
+    pub late: u32,
+    /// Images that repeat the one before.
+    pub frozen: u32,
+    /// Images older than the one before.
+    pub swapped: u32,
+    /// Times at which the camera fell silent.
+    pub silent: u32,
+}
+
+impl ImageFaults {
+    /// Counts an image.
+    pub fn count(&mut self, status: FrameStatus) {
+        match status {
+            FrameStatus::Fresh => {}
+            FrameStatus::AfterLost(count) => self.lost += count,
+            FrameStatus::Late => self.late += 1,
+            FrameStatus::Frozen => self.frozen += 1,
+            FrameStatus::Swapped => self.swapped += 1,
+        }
+    }
+}
+
+impl fmt::Display for ImageFaults {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { lost, late, frozen, swapped, silent } = self;
+        write!(f, "{lost} images lost, {late} late, {frozen} frozen, {swapped} swapped, {silent} times silent")
+    }
+}
+
 /// An image, its capture time on the host's clock.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arrived {
@@ -53,6 +89,8 @@ pub struct Arrived {
     pub frame: DepthFrame,
     /// Its status.
     pub status: FrameStatus,
+    /// Time from its capture to its arrival in seconds.
+    pub latency_s: f64,
 }
 
 /// The last image of a camera.
@@ -110,10 +148,11 @@ impl<'a> FrameReader<'a> {
             2 => pixels.chunks_exact(2).map(|it| f32::from(u16::from_le_bytes([it[0], it[1]])) * 1e-3).collect(),
             _ => pixels.chunks_exact(4).map(|it| f32::from_le_bytes([it[0], it[1], it[2], it[3]])).collect(),
         };
-        let status = status(self.last[camera].as_ref(), (number, capture_s, &depth_m), now_s());
+        let now_s = now_s();
+        let status = status(self.last[camera].as_ref(), (number, capture_s, &depth_m), now_s);
         self.last[camera] = Some(Last { number, capture_s, depth_m: depth_m.clone() });
         let frame = DepthFrame { camera, capture_s, window: model.full_window(), depth_m, mask: None };
-        Ok(Arrived { frame, status })
+        Ok(Arrived { frame, status, latency_s: now_s - capture_s })
     }
 }
 
@@ -132,19 +171,19 @@ fn status(last: Option<&Last>, (number, capture_s, depth_m): (u32, f64, &[f32]),
 ///
 /// # Errors
 /// If the socket cannot be made.
-pub fn listen(socket: &Path, cameras: &[CameraModel]) -> io::Result<Receiver<Arrived>> {
+pub fn listen(socket: &Path, cameras: &[CameraModel], clock: &Clock) -> io::Result<Receiver<Arrived>> {
     if fs::symlink_metadata(socket).is_ok_and(|it| std::os::unix::fs::FileTypeExt::is_socket(&it.file_type())) {
         fs::remove_file(socket)?;
     }
-    let (listener, cameras) = (UnixListener::bind(socket)?, cameras.to_vec());
+    let (listener, cameras, clock) = (UnixListener::bind(socket)?, cameras.to_vec(), clock.clone());
     let (arrived, images) = channel();
     thread::spawn(move || {
         for sender in listener.incoming().flatten() {
-            let (arrived, cameras): (Sender<Arrived>, _) = (arrived.clone(), cameras.clone());
+            let (arrived, cameras, clock): (Sender<Arrived>, _, _) = (arrived.clone(), cameras.clone(), clock.clone());
             thread::spawn(move || {
                 let (mut reader, mut input) = (FrameReader::new(&cameras), BufReader::new(sender));
                 loop {
-                    match reader.read(&mut input, host_s) {
+                    match reader.read(&mut input, || clock.now_s()) {
                         Ok(image) => {
                             if arrived.send(image).is_err() {
                                 return;

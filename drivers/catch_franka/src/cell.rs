@@ -1,16 +1,24 @@
 //! The cell: senses every ten milliseconds, checks what the brain sends, and passes it on.
 
-use std::{sync::Arc, sync::mpsc::Receiver, time::Duration};
+use std::{
+    collections::BTreeMap,
+    sync::{
+        Arc,
+        mpsc::{Receiver, RecvTimeoutError},
+    },
+    time::Duration,
+};
 
 use catch_body::{JointVector, Robot as Arm, robot::LimitScale};
 use catch_cell::{
-    ArmState, ArmTrajectory, Cell, CellFault, Command, Executor, ExecutorConfig, GraspState, GripperMove, GripperState,
-    Observation, Rejection, cell_file::SafeBox,
+    ArmState, ArmTrajectory, Cell, CellFault, Command, DepthFrame, Executor, ExecutorConfig, GraspState, GripperMove,
+    GripperState, Observation, Rejection, cell_file::SafeBox,
 };
 use franka::Robot;
 
 use crate::{
-    camera_socket::{Arrived, FrameStatus},
+    camera_socket::{Arrived, FrameStatus, ImageFaults},
+    clock::Clock,
     control::{Control, Sample},
     enabling_key::EnablingKey,
     hand::Hand,
@@ -25,6 +33,8 @@ pub const WATCHDOG: Duration = Duration::from_millis(20);
 const START: Duration = Duration::from_secs(5);
 /// Time in seconds in which a plan reaches the 1 kHz thread.
 const HANDOVER_S: f64 = 2e-3;
+/// Time in seconds without a new image after which a camera counts as silent.
+const SILENT_S: f64 = 0.25;
 /// Largest drift of the robot's clock against the host's.
 const DRIFT: f64 = 1e-4;
 
@@ -60,9 +70,12 @@ pub struct FrankaCell {
     sample: Sample,
     /// The host's clock less the robot's, by the states that came soonest.
     offset_s: f64,
+    watchdog: Duration,
     next_tick_s: f64,
-    /// Images that were not fresh, with their cameras.
-    pub statuses: Vec<(usize, FrameStatus)>,
+    /// What was wrong with the images, by camera.
+    pub image_faults: BTreeMap<usize, ImageFaults>,
+    /// When the cameras took their newest images, as long as they are not silent.
+    newest_s: BTreeMap<usize, f64>,
 }
 
 /// Decides which trajectories are executed.
@@ -121,17 +134,29 @@ impl FrankaCell {
         bounds: &Bounds,
         key: EnablingKey,
         (hand, images): (Option<Hand>, Receiver<Arrived>),
+        clock: Clock,
     ) -> Result<Self, CellFault> {
-        let mut control = Control::begin(robot, bounds.arm.clone(), key);
-        let Ok(sample) = control.samples.recv_timeout(START) else {
+        let watchdog = clock.patience(WATCHDOG);
+        let mut control = Control::begin(robot, bounds.arm.clone(), key, clock);
+        let Ok(sample) = control.next(START) else {
             return Err(CellFault::ProtectiveStop { cause: control.cause() });
         };
         let checker = Checker::new(bounds, sample.echo, 0);
         let Some(checker) = checker else {
             return Err(CellFault::ProtectiveStop { cause: "the link loses too much".to_owned() });
         };
-        let offset_s = sample.heard_s - sample.time_s;
-        Ok(Self { control, checker, hand, images, sample, offset_s, next_tick_s: 0.0, statuses: Vec::new() })
+        Ok(Self {
+            control,
+            checker,
+            hand,
+            images,
+            offset_s: sample.heard_s - sample.time_s,
+            sample,
+            watchdog,
+            next_tick_s: 0.0,
+            image_faults: BTreeMap::new(),
+            newest_s: BTreeMap::new(),
+        })
     }
 
     /// Sends the arm straight to `q`, and waits until it stands there.
@@ -154,7 +179,7 @@ impl FrankaCell {
         if self.sample.has_stopped {
             return Err(CellFault::ProtectiveStop { cause: self.control.cause() });
         }
-        match self.control.samples.recv_timeout(WATCHDOG) {
+        match self.control.next(self.watchdog) {
             Ok(sample) => {
                 self.offset_s =
                     (self.offset_s + DRIFT * (sample.time_s - self.sample.time_s)).min(sample.heard_s - sample.time_s);
@@ -162,12 +187,10 @@ impl FrankaCell {
                 self.sample = sample;
                 Ok(())
             }
-            Err(std::sync::mpsc::RecvTimeoutError::Disconnected) => {
-                Err(CellFault::ProtectiveStop { cause: self.control.cause() })
-            }
-            Err(std::sync::mpsc::RecvTimeoutError::Timeout) => Err(CellFault::LostConnection {
+            Err(RecvTimeoutError::Disconnected) => Err(CellFault::ProtectiveStop { cause: self.control.cause() }),
+            Err(RecvTimeoutError::Timeout) => Err(CellFault::LostConnection {
                 device: "arm".to_owned(),
-                cause: format!("no state for {} ms", WATCHDOG.as_millis()),
+                cause: format!("no state for {} ms", self.watchdog.as_millis()),
             }),
         }
     }
@@ -177,6 +200,26 @@ impl FrankaCell {
         // A thread that is gone is told by the next state.
         let _ = self.control.plans.send(plan.clone());
         Ok(())
+    }
+
+    /// The images that arrived, without those that show another time than they say.
+    fn frames(&mut self) -> Vec<DepthFrame> {
+        let time_s = self.sample.time_s;
+        let mut frames = Vec::new();
+        for Arrived { mut frame, status, .. } in self.images.try_iter() {
+            frame.capture_s -= self.offset_s;
+            self.image_faults.entry(frame.camera).or_default().count(status);
+            let is_misdated = matches!(status, FrameStatus::Frozen | FrameStatus::Swapped);
+            // One that was captured before the motion began, or lies ahead, is none of this cell's clock.
+            if !is_misdated && (0.0..=time_s).contains(&frame.capture_s) {
+                self.newest_s.insert(frame.camera, frame.capture_s);
+                frames.push(frame);
+            }
+        }
+        for (camera, _) in self.newest_s.extract_if(.., |_, newest_s| time_s > *newest_s + SILENT_S) {
+            self.image_faults.entry(camera).or_default().silent += 1;
+        }
+        frames
     }
 
     fn gripper(&self) -> Result<GripperState, CellFault> {
@@ -203,18 +246,7 @@ impl Cell for FrankaCell {
         self.next_tick_s = time_s + TICK_S;
         self.checker.executor.advance(time_s);
         let arm = self.checker.executor.arm_state(time_s, q, dq);
-        let mut frames = Vec::new();
-        for Arrived { mut frame, status } in self.images.try_iter() {
-            frame.capture_s -= self.offset_s;
-            if status != FrameStatus::Fresh {
-                self.statuses.push((frame.camera, status));
-            }
-            // One that was captured before the motion began, or lies ahead, is none of this cell's clock.
-            if status != FrameStatus::Swapped && (0.0..=time_s).contains(&frame.capture_s) {
-                frames.push(frame);
-            }
-        }
-        Ok(Observation { time_s, arm, gripper: self.gripper()?, frames })
+        Ok(Observation { time_s, arm, gripper: self.gripper()?, frames: self.frames() })
     }
 
     fn act(&mut self, command: &Command) -> Result<(), CellFault> {

@@ -4,9 +4,10 @@ use std::{
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
-        mpsc::{Receiver, Sender, channel},
+        mpsc::{Receiver, RecvTimeoutError, Sender, channel},
     },
     thread::{self, JoinHandle},
+    time::Duration,
 };
 
 use catch_body::{JointVector, Robot as Arm};
@@ -14,8 +15,8 @@ use catch_cell::ArmTrajectory;
 use franka::{FrankaResult, JointPositions, MoveControllerMode, Robot, RobotState, realtime};
 
 use crate::{
+    clock::Clock,
     enabling_key::EnablingKey,
-    hand::host_s,
     setpoint::{Cycle, Sensed},
 };
 
@@ -49,23 +50,42 @@ pub struct Control {
     pub plans: Sender<ArmTrajectory>,
     /// What each cycle saw.
     pub samples: Receiver<Sample>,
+    /// In lock-step: lets one cycle be answered.
+    permits: Option<Sender<()>>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<FrankaResult<()>>>,
 }
 
 impl Control {
     /// Begins to hold the arm, and executes plans while `key` is held.
-    pub fn begin(robot: Arc<Robot>, arm: Arm, key: EnablingKey) -> Self {
+    pub fn begin(robot: Arc<Robot>, arm: Arm, key: EnablingKey, clock: Clock) -> Self {
         let (plans, taken) = channel();
         let (seen, samples) = channel();
+        let (permits, permitted) = match clock {
+            Clock::Host => (None, None),
+            Clock::LockStep(_) => Some(channel()).unzip(),
+        };
+        let link = Link { plans: taken, samples: seen, permitted, clock };
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = stop.clone();
         let thread = thread::spawn(move || {
             // Where the priority is not granted `doctor` shows what that costs.
             let _ = realtime::set_current_thread_to_highest_scheduler_priority();
-            follow(&robot, arm, (&taken, &seen), || stopped.load(Ordering::Relaxed) || !key.is_held())
+            follow(&robot, arm, &link, || stopped.load(Ordering::Relaxed) || !key.is_held())
         });
-        Self { plans, samples, stop, thread: Some(thread) }
+        Self { plans, samples, permits, stop, thread: Some(thread) }
+    }
+
+    /// Waits for the next sample.
+    ///
+    /// # Errors
+    /// If none comes in time, or none will come any more.
+    pub fn next(&self, within: Duration) -> Result<Sample, RecvTimeoutError> {
+        if let Some(permits) = &self.permits {
+            // A thread that is gone is told by the samples.
+            let _ = permits.send(());
+        }
+        self.samples.recv_timeout(within)
     }
 
     /// Brakes to rest and ends the motion.
@@ -87,6 +107,7 @@ impl Control {
 impl Drop for Control {
     fn drop(&mut self) {
         self.stop();
+        self.permits = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -101,18 +122,31 @@ fn sensed(state: &RobotState) -> Sensed {
     Sensed { time_ms: state.time.as_millis(), echo: joints(state.q_d) }
 }
 
+/// What the thread is connected with.
+struct Link {
+    plans: Receiver<ArmTrajectory>,
+    samples: Sender<Sample>,
+    permitted: Option<Receiver<()>>,
+    clock: Clock,
+}
+
 /// Answers states until the arm has stopped, or the robot ends the motion.
 fn follow(
     robot: &Robot,
     arm: Arm,
-    (plans, samples): (&Receiver<ArmTrajectory>, &Sender<Sample>),
+    Link { plans, samples, permitted, clock }: &Link,
     has_to_stop: impl Fn() -> bool,
 ) -> FrankaResult<()> {
     let mut control = robot.start_joint_position_control(MoveControllerMode::JointImpedance)?;
     let mut state = control.read_once()?.0;
     let mut cycle = Cycle::new(arm, &sensed(&state), state.time.as_millis());
     loop {
-        let heard_s = host_s();
+        clock.hear(state.time.as_millis());
+        let heard_s = clock.now_s();
+        if let Some(permitted) = permitted {
+            // A cell that is gone waits for nothing.
+            let _ = permitted.recv();
+        }
         while let Ok(plan) = plans.try_recv() {
             cycle.take(&plan);
         }
@@ -134,7 +168,7 @@ fn follow(
             echo: joints(state.q_d),
             lost: answer.lost,
             success_rate: state.control_command_success_rate,
-            answer_s: host_s() - heard_s,
+            answer_s: clock.now_s() - heard_s,
             has_stopped: answer.has_stopped,
         });
         if answer.has_stopped {

@@ -1,13 +1,16 @@
 //! What the links to arm and cameras are like: measured while the arm is held.
 
-use std::{collections::BTreeMap, path::Path};
+use std::{collections::BTreeMap, fs, path::Path};
 
+use anyhow::Context;
 use catch_recording::drive_job::DriveJob;
 use serde::Serialize;
 
 use crate::{
-    camera_socket::{self, FrameStatus},
+    camera_socket::{self, Arrived, FrameStatus, ImageFaults},
+    clock::Clock,
     control::{Control, Sample},
+    depth_noise::{DepthNoise, NoiseFigures},
     drive,
     enabling_key::EnablingKey,
     margin,
@@ -15,6 +18,8 @@ use crate::{
 
 /// Duration of the measurement in seconds.
 const MEASURED_S: f64 = 10.0;
+/// Name of the file with the findings.
+const FILE: &str = "doctor.json";
 
 /// What was measured.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -44,16 +49,17 @@ pub struct Findings {
 /// Images of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Images {
+    /// Images that arrived.
+    pub frames: usize,
     /// Images per second.
     pub rate_hz: f64,
-    /// Images that did not arrive.
-    pub lost: u32,
-    /// Images that came late.
-    pub late: u32,
-    /// Images that repeat the one before.
-    pub frozen: u32,
-    /// Images older than the one before.
-    pub swapped: u32,
+    /// Time from capture to arrival in seconds, the mean.
+    pub latency_s: f64,
+    /// Noise of the depth, as long as nothing moves; null if there were no depths.
+    pub noise: Option<NoiseFigures>,
+    /// What was wrong with them.
+    #[serde(flatten)]
+    pub faults: ImageFaults,
 }
 
 /// Median, 99th percentile and most, in ms.
@@ -88,37 +94,58 @@ pub fn findings(samples: &[Sample]) -> Findings {
     }
 }
 
-/// Measures, and prints the findings as JSON.
+/// Images of a camera as they arrive.
+#[derive(Debug, Default)]
+struct Watched {
+    count: usize,
+    latency_s: f64,
+    faults: ImageFaults,
+    noise: DepthNoise,
+}
+
+impl Watched {
+    fn add(&mut self, image: &Arrived) {
+        self.count += 1;
+        self.latency_s += image.latency_s;
+        self.faults.count(image.status);
+        // A repeated image has the noise of the one before.
+        if image.status != FrameStatus::Frozen {
+            self.noise.add(&image.frame.depth_m);
+        }
+    }
+
+    fn found(&self) -> Images {
+        let count = self.count as f64;
+        let (rate_hz, latency_s) = (count / MEASURED_S, self.latency_s / count);
+        Images { frames: self.count, rate_hz, latency_s, noise: self.noise.figures(), faults: self.faults }
+    }
+}
+
+/// Measures, prints the findings as JSON, and writes them to `doctor.json` in the folder for results.
 ///
 /// # Errors
 /// A device that does not answer.
 pub fn run(job: &DriveJob) -> anyhow::Result<()> {
     let bounds = drive::bounds(job)?;
-    let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &job.cell.cameras)?;
+    let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &job.cell.cameras, &Clock::Host)?;
     let key = EnablingKey::default();
     // The arm is held: there is no motion to enable.
     key.set(true);
-    let mut control = Control::begin(drive::connect(job)?, bounds.arm, key);
-    let mut samples = Vec::new();
+    let mut control = Control::begin(drive::connect(job)?, bounds.arm, key, Clock::Host);
+    let (mut samples, mut watched) = (Vec::new(), BTreeMap::<usize, Watched>::new());
     while samples.last().is_none_or(|it: &Sample| it.time_s < MEASURED_S) {
         match control.samples.recv() {
             Ok(sample) => samples.push(sample),
             Err(_) => anyhow::bail!("the arm: {}", control.cause()),
         }
-    }
-    control.stop();
-    let mut found = findings(&samples);
-    for image in images.try_iter() {
-        let camera = found.images.entry(image.frame.camera).or_default();
-        camera.rate_hz += 1.0 / MEASURED_S;
-        match image.status {
-            FrameStatus::Fresh => {}
-            FrameStatus::AfterLost(count) => camera.lost += count,
-            FrameStatus::Late => camera.late += 1,
-            FrameStatus::Frozen => camera.frozen += 1,
-            FrameStatus::Swapped => camera.swapped += 1,
+        for image in images.try_iter() {
+            watched.entry(image.frame.camera).or_default().add(&image);
         }
     }
-    println!("{}", serde_json::to_string_pretty(&found)?);
-    Ok(())
+    control.stop();
+    let cameras = watched.iter().map(|(camera, it)| (*camera, it.found())).collect();
+    let found = serde_json::to_string_pretty(&Findings { images: cameras, ..findings(&samples) })?;
+    println!("{found}");
+    let file = job.out.join(FILE);
+    fs::write(&file, found).with_context(|| file.display().to_string())
 }

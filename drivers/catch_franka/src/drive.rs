@@ -16,8 +16,9 @@ use catch_recording::{
 use franka::{RealtimeConfig, Robot};
 
 use crate::{
-    camera_socket,
+    camera_socket::{self, ImageFaults},
     cell::{Bounds, FrankaCell},
+    clock::Clock,
     dry_run::DryCell,
     enabling_key::{EnablingKey, restore_terminal},
     hand::Hand,
@@ -63,10 +64,10 @@ pub fn run(job: &DriveJob) -> anyhow::Result<()> {
     let ready_q = bounds.arm.checked_pose("the task", "ready_rad", &known.ready_rad)?;
     if job.dry_run {
         let robot = connect(job)?;
-        let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &known.cameras)?;
+        let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &known.cameras, &Clock::Host)?;
         let mut cell = DryCell::new(&robot, &bounds, ready_q, images)?;
         println!("dry run: nothing moves; Ctrl-C ends it");
-        return throws(&mut cell, &mut brain, &known, job).map(drop).map_err(anyhow::Error::from);
+        return throw(&mut cell, &mut brain, &known, &job.out).map(drop).map_err(anyhow::Error::from);
     }
     let key = EnablingKey::of_terminal()?;
     let driven = drive(job, &bounds, (&mut brain, &known), &key);
@@ -87,16 +88,27 @@ fn drive(
             std::thread::sleep(Duration::from_millis(20));
         }
         // A socket of its own for each motion: images of before are none of its clock.
-        let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &known.cameras)?;
-        let hand = job.links.hand.as_ref().map(|it| Hand::connect(&it.address)).transpose().context("the gripper")?;
+        let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &known.cameras, &Clock::Host)?;
+        let hand = job
+            .links
+            .hand
+            .as_ref()
+            .map(|it| Hand::connect(&it.address, Clock::Host))
+            .transpose()
+            .context("the gripper")?;
         let robot = connect(job)?;
         // It clears what made the robot stop before, and does nothing else.
         let _ = robot.automatic_error_recovery();
-        let stopped = FrankaCell::begin(robot, bounds, key.clone(), (hand, images)).and_then(|mut cell| {
+        let begun = FrankaCell::begin(robot, bounds, key.clone(), (hand, images), Clock::Host);
+        let stopped = begun.and_then(|mut cell| {
             cell.go_to(ready_q, 1)?;
             println!("ready");
             brain.reset();
-            match throws(&mut cell, brain, known, job) {
+            let ended = throw(&mut cell, brain, known, &job.out);
+            for (camera, faults) in cell.image_faults.iter().filter(|it| *it.1 != ImageFaults::default()) {
+                println!("camera {camera}: {faults}");
+            }
+            match ended {
                 Ok(()) => Ok(()),
                 Err(Stopped::Cell(fault)) => Err(fault.error),
                 Err(Stopped::Recording(fault)) => Err(CellFault::ProtectiveStop { cause: fault.to_string() }),
@@ -119,13 +131,16 @@ pub enum Stopped {
     Recording(#[from] io::Error),
 }
 
-/// Lets the brain act, and records each throw.
-fn throws<C>(cell: &mut C, brain: &mut ChosenBrain, known: &RecordedCell, job: &DriveJob) -> Result<(), Stopped>
+/// Lets the brain act until a throw is over, and records it in the folder `out`.
+///
+/// # Errors
+/// A cell that fails; a recording that cannot be written.
+pub fn throw<C>(cell: &mut C, brain: &mut ChosenBrain, known: &RecordedCell, out: &Path) -> Result<(), Stopped>
 where
     C: catch_cell::Cell<Error = CellFault>,
 {
-    let began = crate::hand::host_s() as u64;
-    let mut recorder = CellRecorder::create(&job.out, &format!("drive_{began}"), known.clone())?;
+    let began = Clock::Host.now_s() as u64;
+    let mut recorder = CellRecorder::create(out, &format!("drive_{began}"), known.clone())?;
     let mut end_s = None;
     let ended = catch_cell::run(cell, brain, |_, brain, observation, command| {
         if let Err(fault) = recorder.tick(observation, command, Some(brain.report())) {

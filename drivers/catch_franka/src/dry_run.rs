@@ -9,7 +9,7 @@ use franka::Robot;
 use crate::{
     camera_socket::Arrived,
     cell::{Bounds, Checker},
-    hand::host_s,
+    clock::Clock,
 };
 
 /// Interval of the observations in seconds.
@@ -38,7 +38,7 @@ impl DryCell {
     ) -> Result<Self, CellFault> {
         let checker = Checker::new(bounds, q, 0).ok_or_else(|| lost("no motion is allowed"))?;
         robot.read_once().map_err(lost)?;
-        Ok(Self { robot: robot.clone(), checker, images, began_s: host_s(), time_s: 0.0 })
+        Ok(Self { robot: robot.clone(), checker, images, began_s: Clock::Host.now_s(), time_s: 0.0 })
     }
 }
 
@@ -53,7 +53,7 @@ impl Cell for DryCell {
         let next_s = self.time_s + TICK_S;
         while self.time_s < next_s {
             self.robot.read_once().map_err(lost)?;
-            self.time_s = host_s() - self.began_s;
+            self.time_s = Clock::Host.now_s() - self.began_s;
         }
         let arm = self.checker.imagined(self.time_s);
         let on_cell = self.images.try_iter().map(|mut it| {
@@ -68,7 +68,7 @@ impl Cell for DryCell {
 
     fn act(&mut self, command: &Command) -> Result<(), CellFault> {
         if let Some(plan) = &command.arm {
-            match self.checker.receive(plan, host_s() - self.began_s) {
+            match self.checker.receive(plan, Clock::Host.now_s() - self.began_s) {
                 Ok(()) => println!("{:.3} s: plan {} until {:.3} s", self.time_s, plan.id, plan.end_s()),
                 Err(why) => println!("{:.3} s: plan {} is rejected: {why}", self.time_s, plan.id),
             }

@@ -1,25 +1,52 @@
 //! The Franka Hand, on a connection of its own: one thread moves it, another reads its states.
+//!
+//! Its protocol knows a move to a width, and a grasp, which closes until something stops the fingers. Each is
+//! answered when it has ended, and nothing else begins before. So a move to the width zero is a grasp; and no
+//! other move begins that could still run when it is time to grasp.
 
 use std::{
     sync::{
-        Arc, Mutex, PoisonError,
-        mpsc::{self, RecvTimeoutError, Sender},
+        Arc, Mutex, MutexGuard, PoisonError,
+        mpsc::{self, Receiver, RecvTimeoutError, Sender},
     },
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use catch_cell::{GraspState, GripperMove, GripperQueue, GripperState};
-use franka::{FrankaResult, Gripper, realtime::monotonic_ns};
+use franka::{FrankaError, FrankaResult, Gripper};
+
+use crate::clock::Clock;
 
 /// Interval at which due moves are looked for.
 const POLL: Duration = Duration::from_millis(1);
+/// Silence of the hand after which it counts as lost. Its states come every 10 to 17 ms.
+pub const SILENCE: Duration = Duration::from_millis(250);
+/// Time in seconds that a move takes in addition to its way at full speed: latency, acceleration, answer.
+const POSITIONING_S: f64 = 0.15;
+/// Change of the width in metres that is worth a move.
+const STEP_M: f64 = 2e-4;
+/// A width in metres below which a move is a grasp.
+const CLOSED_M: f64 = 1e-6;
 
 /// A gripper that moves by itself at the times it was told.
 #[derive(Debug)]
 pub struct Hand {
     moves: Sender<Vec<GripperMove>>,
-    state: Arc<Mutex<Result<GripperState, String>>>,
+    seen: Arc<Seen>,
+}
+
+/// What the hand told last, and when.
+#[derive(Debug)]
+struct Seen {
+    state: Mutex<Result<(GripperState, Instant), String>>,
+    silence: Duration,
+}
+
+impl Seen {
+    fn lock(&self) -> MutexGuard<'_, Result<(GripperState, Instant), String>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl Hand {
@@ -27,43 +54,41 @@ impl Hand {
     ///
     /// # Errors
     /// If the hand does not answer.
-    pub fn connect(address: &str) -> FrankaResult<Self> {
+    pub fn connect(address: &str, clock: Clock) -> FrankaResult<Self> {
         let gripper = Arc::new(Gripper::new(address)?);
-        let first = gripper.read_once()?;
-        let state = Arc::new(Mutex::new(Ok(told(&first, None))));
+        let first = told(&gripper.read_once()?, None, clock.now_s());
         let (moves, received) = mpsc::channel();
-        let (reader, shared) = (gripper.clone(), Arc::downgrade(&state));
+        let silence = clock.patience(SILENCE);
+        let seen = Arc::new(Seen { state: Mutex::new(Ok((first, Instant::now()))), silence });
+        let (reader, shared, now) = (gripper.clone(), Arc::downgrade(&seen), clock.clone());
         thread::spawn(move || {
-            let mut before = first;
-            while let Some(state) = shared.upgrade() {
-                let now = reader.read_once();
-                let seen = now.as_ref().map(|now| told(now, Some(&before))).map_err(ToString::to_string);
-                let is_over = seen.is_err();
-                *state.lock().unwrap_or_else(PoisonError::into_inner) = seen;
-                match now {
-                    Ok(now) if !is_over => before = now,
-                    _ => return,
+            let mut before = (now.now_s(), first);
+            while let Some(seen) = shared.upgrade() {
+                let read = reader.read_once();
+                // What a move found out stays.
+                if seen.lock().is_err() {
+                    return;
                 }
-            }
-        });
-        thread::spawn(move || {
-            let mut queue = GripperQueue::default();
-            loop {
-                match received.recv_timeout(POLL) {
-                    Ok(list) => {
-                        let list: Vec<GripperMove> = list;
-                        queue.receive(&list, host_s());
+                match read {
+                    Ok(state) => {
+                        let state = told(&state, Some(before), now.now_s());
+                        before = (now.now_s(), state);
+                        *seen.lock() = Ok((state, Instant::now()));
                     }
-                    Err(RecvTimeoutError::Timeout) => {}
-                    Err(RecvTimeoutError::Disconnected) => return,
-                }
-                while let Some(step) = queue.take_due(host_s(), |start_s| start_s) {
-                    // A grasp that meets nothing is no fault; a lost connection is told by the states.
-                    let _ = execute(&gripper, &step);
+                    Err(fault) => *seen.lock() = Err(fault.to_string()),
                 }
             }
         });
-        Ok(Self { moves, state })
+        let shared = Arc::downgrade(&seen);
+        thread::spawn(move || {
+            // A grasp that meets nothing is no fault, nor is a move that the hand refuses.
+            if let Err(FrankaError::Network(cause)) = follow(&gripper, &received, Mover::new(first.width_m), &clock)
+                && let Some(seen) = shared.upgrade()
+            {
+                *seen.lock() = Err(cause);
+            }
+        });
+        Ok(Self { moves, seen })
     }
 
     /// Replaces the moves that have not begun; they start at times of the host's clock.
@@ -75,34 +100,136 @@ impl Hand {
     /// The newest state, or why there is none any more.
     ///
     /// # Errors
-    /// What the connection told as it ended.
+    /// What the connection told as it ended; a hand that is silent.
     pub fn state(&self) -> Result<GripperState, String> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        let silence = self.seen.silence;
+        match &*self.seen.lock() {
+            Ok((state, heard)) if heard.elapsed() <= silence => Ok(*state),
+            Ok(_) => Err(format!("no state for {} ms", silence.as_millis())),
+            Err(cause) => Err(cause.clone()),
+        }
     }
 }
 
-/// The host's monotonic clock in seconds.
-pub fn host_s() -> f64 {
-    monotonic_ns() as f64 * 1e-9
-}
-
-/// Closes with force, or opens. The protocol's speed is that of one finger.
-fn execute(gripper: &Gripper, step: &GripperMove) -> FrankaResult<bool> {
-    let speed_mps = step.speed_mps / 2.0;
-    if step.width_m < gripper.read_once()?.width {
-        // Whatever is between the fingers counts as grasped.
-        gripper.grasp(step.width_m.max(0.0), speed_mps, step.force_n, 0.1, 0.1)
-    } else {
-        gripper.move_gripper(step.width_m, speed_mps)
+/// Moves the fingers until the connection is lost, or nobody sends moves any more.
+fn follow(
+    gripper: &Gripper,
+    received: &Receiver<Vec<GripperMove>>,
+    mut mover: Mover,
+    clock: &Clock,
+) -> FrankaResult<()> {
+    loop {
+        match received.recv_timeout(POLL) {
+            Ok(moves) => mover.receive(&moves, clock.now_s()),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return Ok(()),
+        }
+        // A move may have taken long: what was sent since is newer.
+        for moves in received.try_iter() {
+            mover.receive(&moves, clock.now_s());
+        }
+        if let Some(step) = mover.due(clock.now_s()) {
+            // The protocol's speed is that of one finger.
+            let speed_mps = step.speed_mps / 2.0;
+            let ended = if is_grasp(&step) {
+                // Whatever is between the fingers counts as grasped.
+                gripper.grasp(0.0, speed_mps, step.force_n, 0.1, 0.1)
+            } else {
+                gripper.move_gripper(step.width_m, speed_mps)
+            };
+            if let Err(fault @ FrankaError::Network(_)) = ended {
+                return Err(fault);
+            }
+        }
     }
 }
 
-fn told(now: &franka::GripperState, before: Option<&franka::GripperState>) -> GripperState {
-    let speed_mps = before.map_or(0.0, |before| {
-        let passed_s = now.time.as_secs_f64() - before.time.as_secs_f64();
-        if passed_s > 0.0 { (now.width - before.width) / passed_s } else { 0.0 }
-    });
+fn is_grasp(step: &GripperMove) -> bool {
+    step.width_m <= CLOSED_M
+}
+
+/// Decides which command the hand gets next.
+#[derive(Debug)]
+struct Mover {
+    queue: GripperQueue,
+    /// The newest move whose time has come.
+    wanted: Option<GripperMove>,
+    /// Width that was commanded last.
+    commanded_m: f64,
+    /// When it will be time to grasp.
+    grasp_s: f64,
+}
+
+impl Mover {
+    fn new(width_m: f64) -> Self {
+        Self { queue: GripperQueue::default(), wanted: None, commanded_m: width_m, grasp_s: f64::INFINITY }
+    }
+
+    fn receive(&mut self, moves: &[GripperMove], now_s: f64) {
+        let grasps = moves.iter().filter(|it| is_grasp(it)).map(|it| it.start_s);
+        self.grasp_s = grasps.fold(f64::INFINITY, f64::min);
+        self.queue.receive(moves, now_s);
+    }
+
+    /// The command that the idle hand gets now.
+    fn due(&mut self, now_s: f64) -> Option<GripperMove> {
+        while let Some(step) = self.queue.take_due(now_s, |start_s| start_s) {
+            self.wanted = Some(step);
+        }
+        let step = self.wanted?;
+        let way_m = (step.width_m - self.commanded_m).abs();
+        let ends_s = now_s + way_m / step.speed_mps + POSITIONING_S;
+        if way_m < STEP_M || (!is_grasp(&step) && ends_s > self.grasp_s) {
+            return None;
+        }
+        self.commanded_m = step.width_m;
+        Some(step)
+    }
+}
+
+/// A state of the protocol, which tells neither speed nor force, and the one before it with its time.
+fn told(now: &franka::GripperState, before: Option<(f64, GripperState)>, now_s: f64) -> GripperState {
+    let speed_mps = match before {
+        Some((before_s, before)) if now_s > before_s => (now.width - before.width_m) / (now_s - before_s),
+        _ => 0.0,
+    };
     let grasp = if now.is_grasped { GraspState::Holding } else { GraspState::Idle };
-    // The protocol tells no force.
     GripperState { width_m: now.width, speed_mps, force_n: 0.0, grasp }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn step(start_s: f64, width_m: f64) -> GripperMove {
+        GripperMove { start_s, width_m, speed_mps: 0.1, force_n: 70.0 }
+    }
+
+    fn due(mover: &mut Mover, now_s: f64) -> Option<f64> {
+        mover.due(now_s).map(|it| it.width_m)
+    }
+
+    #[test]
+    fn the_fingers_are_positioned_and_then_grasp_once() {
+        let mut mover = Mover::new(0.08);
+        mover.receive(&[step(1.0, 0.08), step(2.0, 0.0)], 1.0);
+        assert_eq!(due(&mut mover, 1.0), None, "they are there");
+        mover.receive(&[step(1.1, 0.074), step(2.0, 0.0)], 1.1);
+        mover.receive(&[step(1.2, 0.073), step(2.0, 0.0)], 1.2);
+        assert_eq!(due(&mut mover, 1.3), Some(0.073), "the newest");
+        assert_eq!(due(&mut mover, 1.99), None);
+        assert_eq!(due(&mut mover, 2.0), Some(0.0));
+        mover.receive(&[step(2.0, 0.0)], 2.01);
+        assert_eq!(due(&mut mover, 2.02), None, "they grasp already");
+        mover.receive(&[step(3.0, 0.08)], 3.0);
+        assert_eq!(due(&mut mover, 3.0), Some(0.08));
+    }
+
+    #[test]
+    fn nothing_begins_that_could_delay_a_grasp() {
+        let mut mover = Mover::new(0.08);
+        mover.receive(&[step(1.9, 0.07), step(2.0, 0.0)], 1.9);
+        assert_eq!(due(&mut mover, 1.9), None);
+        assert_eq!(due(&mut mover, 2.0), Some(0.0));
+    }
 }

@@ -7,7 +7,9 @@
 
 pub mod camera_socket;
 pub mod cell;
+pub mod clock;
 pub mod control;
+pub mod depth_noise;
 pub mod doctor;
 pub mod drive;
 pub mod dry_run;

@@ -1,12 +1,13 @@
 //! Images from Python arrive as they were sent.
 
-#![allow(missing_docs)]
-
 use std::{path::Path, process::Command, time::Duration};
 
 use catch_body::Pose;
 use catch_cell::CameraModel;
-use catch_franka::camera_socket::{self, FrameStatus};
+use catch_franka::{
+    camera_socket::{self, FrameStatus},
+    clock::Clock,
+};
 
 const SENDS: &str = "
 import sys, time
@@ -30,7 +31,7 @@ fn images_from_python_arrive_as_they_were_sent() {
     let folder = tempfile::tempdir().unwrap();
     let socket = folder.path().join("cameras");
     let camera = CameraModel::with_field_of_view(Pose::identity(), 4, 3, 1.0);
-    let images = camera_socket::listen(&socket, &[camera.clone(), camera]).unwrap();
+    let images = camera_socket::listen(&socket, &[camera.clone(), camera], &Clock::Host).unwrap();
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let python = here.join("../../target/franka/venv/bin/python");
     let sent = Command::new(python).args(["-c", SENDS]).arg(here.join("cameras")).arg(&socket).status().unwrap();

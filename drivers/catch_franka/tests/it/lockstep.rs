@@ -1,73 +1,26 @@
 //! Recorded throws through the maker's protocol: `franka-sim` in lock-step, its motion limits and
-//! communication constraints enforced. `drivers/catch_franka/test` installs it, records the throws and runs this.
-
-#![allow(non_snake_case, missing_docs)]
+//! communication constraints enforced.
 
 use std::{
     env,
-    io::{BufRead, BufReader},
-    net::TcpListener,
     path::{Path, PathBuf},
-    process::{Child, Command, Stdio},
-    sync::{Arc, mpsc},
-    thread,
-    time::{Duration, Instant},
+    time::Instant,
 };
 
 use catch_body::{JointVector, Robot as Arm, robot::LimitScale};
-use catch_cell::{ArmTrajectory, Cell, CellFault, Executor, ExecutorConfig, cell_file::SafeBox};
+use catch_cell::{ArmTrajectory, Executor, ExecutorConfig};
 use catch_franka::{
-    cell::{Bounds, FrankaCell, WATCHDOG},
-    enabling_key::EnablingKey,
     margin, motion,
     setpoint::{CYCLE_S, Cycle, Sensed},
 };
 use catch_recording::{Part, RecordingReader, replay::RECORDED, sources::Sources};
-use franka::{FrankaError, JointPositions, MoveControllerMode, RealtimeConfig, Robot};
+use franka::{FrankaError, JointPositions, MoveControllerMode, Robot};
 use serde::de::IgnoredAny;
+
+use crate::server::{Server, root};
 
 /// Time from a tick until its command arrives.
 const LATENCY_S: f64 = 0.004;
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
-struct Server {
-    child: Child,
-    address: String,
-}
-
-impl Server {
-    fn start(q: &JointVector, more: &[&str]) -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let q: Vec<String> = q.iter().take(7).map(f64::to_string).collect();
-        let mut child = Command::new(root().join("target/franka/venv/bin/python"))
-            .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("lockstep/server.py"))
-            .arg(root().join("assets/robots/fr3"))
-            .args([port.to_string(), format!("--q={}", q.join(","))])
-            .args(more)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("drivers/catch_franka/test installs franka-sim");
-        let mut line = String::new();
-        BufReader::new(child.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();
-        assert_eq!(line, "ready\n");
-        Self { child, address: format!("127.0.0.1:{port}") }
-    }
-
-    fn connect(&self) -> Robot {
-        Robot::new(&self.address, RealtimeConfig::Ignore).unwrap()
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
 
 struct Throw {
     sources: Sources,
@@ -230,6 +183,7 @@ impl Figures {
         self.throws += 1;
         if let Err(fault) = self.moves(robot, &arms, |from| throw.from(from, &arms[0])) {
             self.reflexes += 1;
+            assert!(fault.to_string().contains("reflex"), "{fault}");
             println!("  throw {}: {}", self.throws, fault.to_string().lines().next().unwrap_or_default());
             robot.automatic_error_recovery().unwrap();
         }
@@ -306,67 +260,20 @@ fn a_silent_link_ends_the_motion_and_the_next_one_begins() {
     assert!(figures.lost > 0);
 }
 
-/// A cell behind a server in lock-step, its arm half a radian from the waiting pose.
-fn cell(server: &Server, arm: &Arm, key: &EnablingKey) -> Result<FrankaCell, CellFault> {
-    let safe_box = SafeBox { low_m: [-2.0; 3], high_m: [2.0; 3] };
-    let bounds = Bounds { arm: arm.clone(), speed_scaling: 0.3, safe_box };
-    let robot = server.connect();
-    let _ = robot.automatic_error_recovery();
-    FrankaCell::begin(Arc::new(robot), &bounds, key.clone(), (None, mpsc::channel().1))
-}
-
-/// The key is released in mid-motion: the arm brakes to rest, the cell says why, and the next one goes on.
+/// A link that holds answers back and lets them through together: the controller may stop by a reflex, which it
+/// names, and the next throw is followed.
 #[test]
 #[ignore = "needs franka-sim"]
-fn a_released_key_stops_the_arm_and_a_held_one_starts_it_again() {
-    let throw = &Throw::all("0.85")[0];
-    let [arm, _] = throw.arms();
-    let server = Server::start(&(throw.ready_q + JointVector::ith(0, 0.5)), &[]);
-    let key = EnablingKey::default();
-    let fault = cell(&server, &arm, &key).and_then(|mut it| it.go_to(throw.ready_q, 1)).unwrap_err();
-    assert!(fault.to_string().contains("key was released"), "nothing moves before it is held: {fault}");
-    key.set(true);
-    let mut moving = cell(&server, &arm, &key).unwrap();
-    let released = key.clone();
-    thread::spawn(move || {
-        thread::sleep(Duration::from_millis(400));
-        released.set(false);
-    });
-    let fault = moving.go_to(throw.ready_q, 1).unwrap_err();
-    assert!(matches!(&fault, CellFault::ProtectiveStop { cause } if cause.contains("key was released")), "{fault}");
-    drop(moving);
-    key.set(true);
-    let mut again = cell(&server, &arm, &key).unwrap();
-    let off = again.sense().unwrap().arm.q - throw.ready_q;
-    assert!(off.amax() > 0.01 && off.amax() < 0.5, "it stopped on its way: {off}");
-    again.go_to(throw.ready_q, 1).unwrap();
-    assert!((again.sense().unwrap().arm.q - throw.ready_q).amax() < 1e-3);
-}
-
-/// A server that is stopped or killed in mid-motion is told within the watchdog's time.
-#[test]
-#[ignore = "needs franka-sim"]
-fn a_dead_link_is_told_within_twenty_milliseconds() {
-    let throw = &Throw::all("0.85")[0];
-    let [arm, _] = throw.arms();
-    let key = EnablingKey::default();
-    key.set(true);
-    for signal in ["-STOP", "-KILL"] {
-        let server = Server::start(&(throw.ready_q + JointVector::ith(0, 0.5)), &[]);
-        let mut moving = cell(&server, &arm, &key).unwrap();
-        let pid = server.child.id().to_string();
-        let (told, when) = mpsc::channel();
-        thread::spawn(move || {
-            thread::sleep(Duration::from_millis(300));
-            assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
-            told.send(Instant::now()).unwrap();
-        });
-        let fault = moving.go_to(throw.ready_q, 1).unwrap_err();
-        let after = when.recv().unwrap().elapsed();
-        println!("{signal}: {fault}, {after:?} after the signal");
-        let expected = if signal == "-STOP" { "no state for 20 ms" } else { "" };
-        assert!(fault.to_string().contains(expected));
-        assert!(after < 2 * WATCHDOG, "{after:?}");
-        let _ = Command::new("kill").args(["-CONT", &server.child.id().to_string()]).status();
+fn late_answers_stop_by_the_rules_and_the_next_throw_is_followed() {
+    let throws = Throw::all("0.85");
+    for (throw, late) in throws.iter().cycle().zip([1, 2, 3, 5, 10, 20]) {
+        let server = Server::start(&throw.ready_q, &["--lose=600", &format!("--late={late}")]);
+        let robot = server.connect();
+        let [mut held, mut after] = [Figures::default(), Figures::default()];
+        held.throws(&robot, throw);
+        held.told(&format!("{late} answers held, the first for {late} ms"));
+        after.throws(&robot, throw);
+        assert!(held.lost > 0 || held.reflexes > 0, "nothing was late");
+        assert_eq!((after.reflexes, after.lost), (0, 0));
     }
 }

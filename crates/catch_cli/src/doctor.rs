@@ -1,0 +1,194 @@
+//! `catchingbot doctor`: the links of a real cell as its driver measures them, and what the arena catches with
+//! such links.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    num::NonZero,
+    path::{Path, PathBuf},
+    thread,
+};
+
+use anyhow::Context;
+use catch_body::{InputError, statistics::wilson95};
+use catch_lab::{
+    evaluation::{Cell, Evaluation},
+    scenario::setup::Setup,
+};
+use catch_sim::depth_noise::{DepthModel, StereoNoise};
+use clap::Args;
+use serde::Deserialize;
+
+use crate::drive;
+
+/// File in the folder for results in which a driver leaves its findings.
+const FINDINGS: &str = "doctor.json";
+/// Throws of the prediction.
+const THROWS: u64 = 50;
+/// Steps of the arena in seconds.
+const STEP_S: f64 = 1e-3;
+
+/// Arguments of `doctor`.
+#[derive(Debug, Args)]
+pub struct DoctorArguments {
+    /// The cell's file: `catchingbot new cell` writes one
+    #[arg(value_name = "CELL.toml")]
+    cell: PathBuf,
+    /// Folder for what the driver is told
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+}
+
+/// The part of a driver's findings that the arena can have, too.
+#[derive(Debug, Deserialize)]
+struct Findings {
+    /// Fraction of the acceleration limit that plans may use; null: nothing may move.
+    acceleration_ratio: Option<f64>,
+    /// Images of each camera.
+    images: BTreeMap<usize, Images>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Images {
+    rate_hz: f64,
+    latency_s: f64,
+    lost: u32,
+    frames: u32,
+    noise: Option<Noise>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+struct Noise {
+    inverse_depth_sd_per_m: f64,
+    common_fraction: f64,
+    dropout_fraction: f64,
+}
+
+/// Lets the driver measure its links, and the arena throw with what it found.
+///
+/// # Errors
+/// A fault in the cell's file; a driver that is missing, fails, or leaves no findings.
+pub fn run(DoctorArguments { cell, out }: &DoctorArguments) -> anyhow::Result<()> {
+    let file = out.join(FINDINGS);
+    if file.exists() {
+        fs::remove_file(&file).with_context(|| file.display().to_string())?;
+    }
+    drive::start("doctor", cell, out, false)?;
+    let text = fs::read_to_string(&file).with_context(|| format!("the findings of the driver: {}", file.display()))?;
+    let found: Findings = serde_json::from_str(&text).with_context(|| file.display().to_string())?;
+    let (links, _) = drive::setup(cell, &[])?;
+    let Some(ratio) = found.acceleration_ratio else {
+        println!("no prediction: over this link nothing may move");
+        return Ok(());
+    };
+    if found.images.is_empty() {
+        println!("no prediction: no camera sent images");
+        return Ok(());
+    }
+    let mut speeds = vec![links.speed_scaling, 1.0];
+    speeds.dedup();
+    for speed in speeds {
+        let caught = predicted(cell, &found, speed, ratio)?;
+        let [low, high] = wilson95(caught, THROWS as usize).map(|it| it * 100.0);
+        println!(
+            "with these figures and speed_scaling = {speed} the arena catches {caught} of {THROWS} throws ({low:.0} to {high:.0} %)"
+        );
+    }
+    Ok(())
+}
+
+/// Number of the arena's catches with a cell's findings, at a fraction of the arm's limits.
+fn predicted(path: &Path, found: &Findings, speed: f64, acceleration_ratio: f64) -> Result<usize, InputError> {
+    let (_, plain) = drive::setup(path, &[])?;
+    let (_, mut setup) = drive::setup(path, &settings(&plain, found, speed, acceleration_ratio))?;
+    if plain.scenario.arena.free_running_cameras {
+        for (camera, images) in &found.images {
+            setup.cameras[*camera].rate_hz = Some(images.rate_hz);
+        }
+    }
+    setup.scenario.arena.depth.model = noise(&plain, found);
+    let evaluation = Evaluation { cells: vec![Cell::new(setup)], seed: 1, first: 0, trials: THROWS };
+    let threads = thread::available_parallelism().map_or(1, NonZero::get);
+    let mut caught = 0;
+    evaluation.run(0, threads, &mut |row, _| {
+        caught += usize::from(row.verdict.caught);
+        Ok(())
+    })?;
+    Ok(caught)
+}
+
+/// Settings of the scenario that are figures of the links.
+fn settings(plain: &Setup, found: &Findings, speed: f64, acceleration_ratio: f64) -> Vec<String> {
+    let images = || found.images.values();
+    let latency_s = mean(images().map(|it| it.latency_s));
+    let lost: u32 = images().map(|it| it.lost).sum();
+    let lost_fraction = f64::from(lost) / f64::from(lost + images().map(|it| it.frames).sum::<u32>());
+    let mut settings = vec![
+        format!("limit_scale.velocity={speed}"),
+        format!("limit_scale.jerk={speed}"),
+        format!("limit_scale.acceleration={}", speed.min(acceleration_ratio)),
+        format!("arena.latency_s={}", latency_s.max(0.0)),
+        format!("arena.depth.lost_frame_fraction={lost_fraction}"),
+    ];
+    if !plain.scenario.arena.free_running_cameras {
+        let steps = (1.0 / mean(images().map(|it| it.rate_hz)) / STEP_S).round().max(1.0);
+        settings.push(format!("arena.frame_rate_hz={}", 1.0 / (steps * STEP_S)));
+    }
+    settings
+}
+
+/// The scenario's depth errors with the measured ones, the mean over the cameras that saw anything.
+fn noise(plain: &Setup, found: &Findings) -> DepthModel {
+    let expected = match &plain.scenario.arena.depth.model {
+        DepthModel::Stereo(stereo) => stereo.clone(),
+        _ => StereoNoise::default(),
+    };
+    let seen: Vec<(f64, Noise)> = found
+        .images
+        .iter()
+        .filter_map(|(camera, it)| it.noise.map(|noise| (plain.cameras[*camera].focal_px, noise)))
+        .collect();
+    if seen.is_empty() {
+        return plain.scenario.arena.depth.model.clone();
+    }
+    DepthModel::Stereo(StereoNoise {
+        // The error of the disparity is that of the inverse depth times focal length and baseline.
+        subpixel_px: mean(seen.iter().map(|(focal_px, it)| it.inverse_depth_sd_per_m * focal_px * expected.baseline_m)),
+        common_fraction: mean(seen.iter().map(|(_, it)| it.common_fraction)),
+        dropout_fraction: mean(seen.iter().map(|(_, it)| it.dropout_fraction)),
+        ..expected
+    })
+}
+
+fn mean(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    values.clone().sum::<f64>() / values.count() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Findings of two cameras as a driver writes them.
+    const FOUND: &str = r#"{"states": 10000, "acceleration_ratio": 0.85, "images": {
+        "0": {"rate_hz": 60.0, "frames": 900, "latency_s": 0.02, "lost": 100, "late": 1, "silent": 0,
+              "noise": {"inverse_depth_sd_per_m": 0.004, "common_fraction": 0.4, "dropout_fraction": 0.1}},
+        "1": {"rate_hz": 60.0, "frames": 900, "latency_s": 0.03, "lost": 100, "late": 0, "silent": 0, "noise": null}}}"#;
+
+    #[test]
+    fn the_arena_gets_what_was_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let cell = folder.path().join("cell.toml");
+        fs::write(&cell, include_str!("new_cell.toml")).unwrap();
+        let found: Findings = serde_json::from_str(FOUND).unwrap();
+        let (_, plain) = drive::setup(&cell, &[]).unwrap();
+        let asked = settings(&plain, &found, 1.0, 0.85);
+        let (_, setup) = drive::setup(&cell, &asked).unwrap();
+        assert_eq!(setup.scenario.limit_scale.acceleration, 0.85);
+        assert!((setup.scenario.arena.latency_s.bounds()[0] - 0.025).abs() < 1e-12);
+        assert!((setup.scenario.arena.depth.lost_frame_fraction - 0.1).abs() < 1e-12);
+        let DepthModel::Stereo(stereo) = noise(&plain, &found) else { panic!("no stereo") };
+        assert!((stereo.subpixel_px - 0.004 * 433.0 * stereo.baseline_m).abs() < 1e-12);
+        assert_eq!((stereo.common_fraction, stereo.dropout_fraction), (0.4, 0.1));
+        assert!(stereo.flying_fraction > 0.0, "what was not measured stays");
+    }
+}
