@@ -19,7 +19,7 @@ use catch_sim::depth_noise::{DepthModel, StereoNoise};
 use clap::Args;
 use serde::Deserialize;
 
-use crate::drive;
+use crate::{drive, screen};
 
 /// File in the folder for results in which a driver leaves its findings.
 const FINDINGS: &str = "doctor.json";
@@ -78,21 +78,19 @@ pub fn run(DoctorArguments { cell, out }: &DoctorArguments) -> anyhow::Result<()
     let found: Findings = serde_json::from_str(&text).with_context(|| file.display().to_string())?;
     let (links, _) = drive::setup(cell, &[])?;
     let Some(ratio) = found.acceleration_ratio else {
-        println!("no prediction: over this link nothing may move");
-        return Ok(());
+        return Ok(screen::line("no prediction: over this link nothing may move")?);
     };
     if found.images.is_empty() {
-        println!("no prediction: no camera sent images");
-        return Ok(());
+        return Ok(screen::line("no prediction: no camera sent images")?);
     }
     let mut speeds = vec![links.speed_scaling, 1.0];
     speeds.dedup();
     for speed in speeds {
         let caught = predicted(cell, &found, speed, ratio)?;
         let [low, high] = wilson95(caught, THROWS as usize).map(|it| it * 100.0);
-        println!(
+        screen::line(&format!(
             "with these figures and speed_scaling = {speed} the arena catches {caught} of {THROWS} throws ({low:.0} to {high:.0} %)"
-        );
+        ))?;
     }
     Ok(())
 }
@@ -102,18 +100,21 @@ fn predicted(path: &Path, found: &Findings, speed: f64, acceleration_ratio: f64)
     let (_, plain) = drive::setup(path, &[])?;
     let (_, mut setup) = drive::setup(path, &settings(&plain, found, speed, acceleration_ratio))?;
     if plain.scenario.arena.free_running_cameras {
-        for (camera, images) in &found.images {
-            setup.cameras[*camera].rate_hz = Some(images.rate_hz);
+        for (i, camera) in setup.cameras.iter_mut().enumerate() {
+            camera.rate_hz = found.images.get(&i).map(|it| it.rate_hz).or(camera.rate_hz);
         }
     }
     setup.scenario.arena.depth.model = noise(&plain, found);
     let evaluation = Evaluation { cells: vec![Cell::new(setup)], seed: 1, first: 0, trials: THROWS };
     let threads = thread::available_parallelism().map_or(1, NonZero::get);
+    let bar = screen::progress_bar(evaluation.len(), "throws");
     let mut caught = 0;
     evaluation.run(0, threads, &mut |row, _| {
         caught += usize::from(row.verdict.caught);
+        bar.inc(1);
         Ok(())
     })?;
+    bar.finish_and_clear();
     Ok(caught)
 }
 
@@ -146,7 +147,7 @@ fn noise(plain: &Setup, found: &Findings) -> DepthModel {
     let seen: Vec<(f64, Noise)> = found
         .images
         .iter()
-        .filter_map(|(camera, it)| it.noise.map(|noise| (plain.cameras[*camera].focal_px, noise)))
+        .filter_map(|(camera, it)| Some((plain.cameras.get(*camera)?.focal_px, it.noise?)))
         .collect();
     if seen.is_empty() {
         return plain.scenario.arena.depth.model.clone();
