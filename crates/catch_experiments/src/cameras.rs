@@ -17,8 +17,8 @@ use crate::{
     spread::percent,
 };
 
-const LEGEND: &str = "The scenario honest with random throws and one to four near stereo cameras that run freely, without labels. Each throw draws how \
-far the cameras are from where they are believed to stand: 0.2 mm along and 0.2 mrad about each axis (standard deviations), which is no less than \
+const LEGEND: &str = "The scenario is honest, with random throws and one to four near stereo cameras. These run freely, without labels. Each throw draws \
+the errors of their poses: 0.2 mm along and 0.2 mrad about each axis (standard deviations). That is no less than \
 [calibration on the arm](calibration-and-perception.md) leaves. The brain lets corrections use up to 0.97 of what each joint can still reach \
 (`reach_fractions`), as in honest-aero. The rate *caught* is of all throws, also of those out of reach, with its interval (Wilson, 95 %).";
 
