@@ -1,5 +1,5 @@
-//! `catchingbot doctor`: the links of a real cell as its driver measures them, and what the arena catches with
-//! such links.
+//! `catchingbot doctor`: the links of a real cell as its driver measures them, and what the arena catches
+//! with such links.
 
 use std::{
     collections::BTreeMap,
