@@ -302,23 +302,21 @@ fn camera_documents(
     calibrated: &[CameraModel],
     truth: &[CameraModel],
 ) -> Vec<CameraDocument> {
-    let has_converged = |it: &CameraCalibration| it.status == CalibrationStatus::Converged;
-    let any_has = found.iter().any(has_converged);
-    let all = found.iter().zip(calibrated).zip(truth);
-    let document = |((found, calibrated), truth): ((&CameraCalibration, &CameraModel), &CameraModel)| CameraDocument {
-        is_used: has_converged(found) || !any_has,
-        ..camera_document(found, &calibrated.X_WC, &truth.X_WC)
+    let left_out = calibration::left_out(found);
+    let all = found.iter().zip(calibrated).zip(truth).enumerate();
+    let document = |(i, ((found, calibrated), truth)): (usize, ((&CameraCalibration, &CameraModel), &CameraModel))| {
+        camera_document(found, &calibrated.X_WC, &truth.X_WC, !left_out.contains(&i))
     };
     all.map(document).collect()
 }
 
 /// `X_WC` is where the camera is believed to stand from then on, `X_WT` where it truly stands.
-fn camera_document(found: &CameraCalibration, X_WC: &Pose, X_WT: &Pose) -> CameraDocument {
+fn camera_document(found: &CameraCalibration, X_WC: &Pose, X_WT: &Pose, is_used: bool) -> CameraDocument {
     let X_CT = X_WC.inv_mul(X_WT);
     let sd = |first: usize| found.covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
     CameraDocument {
         status: status(found.status),
-        is_used: true,
+        is_used,
         position_m: X_WC.translation.vector.into(),
         rotation_xyzw: X_WC.rotation.coords.into(),
         position_sd_m: sd(3),

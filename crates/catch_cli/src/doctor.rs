@@ -25,8 +25,6 @@ use crate::{drive, screen};
 const FINDINGS: &str = "doctor.json";
 /// Throws of the prediction.
 const THROWS: u64 = 50;
-/// Steps of the arena in seconds.
-const STEP_S: f64 = 1e-3;
 
 /// Arguments of `doctor`.
 #[derive(Debug, Args)]
@@ -132,8 +130,9 @@ fn settings(plain: &Setup, found: &Findings, speed: f64, acceleration_ratio: f64
         format!("arena.depth.lost_frame_fraction={lost_fraction}"),
     ];
     if !plain.scenario.arena.free_running_cameras {
-        let steps = (1.0 / mean(images().map(|it| it.rate_hz)) / STEP_S).round().max(1.0);
-        settings.push(format!("arena.frame_rate_hz={}", 1.0 / (steps * STEP_S)));
+        let step_s = plain.scenario.arena.step_s;
+        let steps = (1.0 / mean(images().map(|it| it.rate_hz)) / step_s).round().max(1.0);
+        settings.push(format!("arena.frame_rate_hz={}", 1.0 / (steps * step_s)));
     }
     settings
 }

@@ -10,8 +10,7 @@ use super::REPETITIONS;
 use crate::{
     Options,
     results::{Entry, Table},
-    spread::cpu_ms,
-    spread::quantiles,
+    spread::{cpu_ms, quantiles},
 };
 
 /// Trials of a condition.

@@ -201,17 +201,9 @@ impl CalibratedCameras {
         Self { cameras: calibrated_cameras(&believed, &found), found }
     }
 
-    /// Indices of the cameras whose calibration did not converge, unless it is all of them: a brain with
-    /// others does without.
-    pub(super) fn left_out(&self) -> Vec<usize> {
-        let failed = |it: &CameraCalibration| it.status != CalibrationStatus::Converged;
-        let failures: Vec<usize> = (0..self.found.len()).filter(|&i| failed(&self.found[i])).collect();
-        if failures.len() == self.found.len() { Vec::new() } else { failures }
-    }
-
     /// The cameras that are used, with their calibrations.
     fn used(&self) -> impl Iterator<Item = (&CameraModel, &CameraCalibration)> {
-        let left_out = self.left_out();
+        let left_out = left_out(&self.found);
         let all = self.cameras.iter().zip(&self.found).enumerate();
         all.filter(move |(i, _)| !left_out.contains(i)).map(|(_, it)| it)
     }
@@ -235,6 +227,14 @@ impl CalibratedCameras {
         let variances: Vec<f64> = self.used().map(variance).collect();
         variances.iter().sum::<f64>().sqrt() / variances.len().max(1) as f64
     }
+}
+
+/// Indices of the cameras whose calibration did not converge, unless it is all of them: a brain with others
+/// does without.
+pub fn left_out(found: &[CameraCalibration]) -> Vec<usize> {
+    let failed = |it: &CameraCalibration| it.status != CalibrationStatus::Converged;
+    let failures: Vec<usize> = (0..found.len()).filter(|&i| failed(&found[i])).collect();
+    if failures.len() == found.len() { Vec::new() } else { failures }
 }
 
 /// Cameras as a calibration leaves them: one whose calibration did not converge stays where it was believed
@@ -346,10 +346,10 @@ mod tests {
         // One that did not converge is left out, unless there is no other one. Then it is no better than it
         // was believed to be before.
         let failed = of(CalibrationStatus::PoorFit);
-        assert_eq!((both.left_out(), failed.left_out()), (vec![], vec![1]));
+        assert_eq!((left_out(&both.found), left_out(&failed.found)), (vec![], vec![1]));
         assert!((failed.position_sd_m(&p_W) - first.position_sd_m(&p_W)).abs() < 1e-12);
         let alone = CalibratedCameras { cameras: both.cameras[1..].to_vec(), found: failed.found[1..].to_vec() };
-        assert!(alone.left_out().is_empty());
+        assert!(left_out(&alone.found).is_empty());
         assert!((alone.rotation_sd_rad() - 0.3_f64.to_radians()).abs() < 1e-12);
         // Nor is it moved.
         let found = [CalibrationStatus::Converged, CalibrationStatus::PoorFit].map(found);

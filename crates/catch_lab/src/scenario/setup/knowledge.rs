@@ -7,7 +7,10 @@ use catch_bot::Preparation;
 use catch_cell::{CameraModel, KnownObject};
 use catch_sim::random_streams::{Draws, Stream};
 
-use super::{CHECKED, Setup, calibration::CalibratedCameras};
+use super::{
+    CHECKED, Setup,
+    calibration::{self, CalibratedCameras},
+};
 use catch_recording::{
     brain::{BrainSettings, ChosenBrain},
     reach_map,
@@ -38,7 +41,7 @@ impl Knowledge<'_> {
             let p_WG = self.robot.gripper_pose(&self.robot.ready_q).translation.vector.into();
             let (rotated_rad, systematic_m) = (&mut config.perception.camera_sd_rad, calibrated.position_sd_m(&p_WG));
             *rotated_rad = rotated_rad.max(calibrated.rotation_sd_rad());
-            config.perception.uncalibrated_cameras = calibrated.left_out();
+            config.perception.uncalibrated_cameras = calibration::left_out(&calibrated.found);
             let prediction = &mut config.trajectory_prediction;
             prediction.systematic_sd_m = prediction.systematic_sd_m.max(systematic_m);
         }
