@@ -225,7 +225,7 @@ impl Situation {
         Plan::new(decision, self.dof())
     }
 
-    /// A catch by a motion of one's own, the gripper wide open before or as `aperture_m` says. The grasp is
+    /// A catch by a motion of one's own, the fingers as far apart before as they wait or as `aperture_m` says. The grasp is
     /// where the gripper is at `catch_s`.
     #[pyo3(signature = (trajectory, catch_s, aperture_m=None))]
     #[allow(non_snake_case)]
@@ -241,7 +241,7 @@ impl Situation {
             return Err(fault("catch_s", catch_s, format!("{} to {}", spline.start_s(), spline.end_s())));
         }
         let widest_m = self.setup.gripper.max_width_m;
-        let aperture_m = aperture_m.map_or(Ok(widest_m), |it| number("aperture_m", it))?;
+        let aperture_m = aperture_m.map_or(Ok(self.setup.waiting_width_m()), |it| number("aperture_m", it))?;
         if !(0.0..=widest_m).contains(&aperture_m) {
             return Err(fault("aperture_m", aperture_m, format!("0 to {widest_m}")));
         }

@@ -157,6 +157,12 @@ impl Setup {
         Gripper::of_setup(&self.lab.gripper, &self.lab.sources)
     }
 
+    /// Distance between the fingers of the waiting hand, in metres: as wide as the grasps of the object need.
+    #[getter]
+    fn waiting_width_m(&self, py: Python<'_>) -> f64 {
+        py.detach(|| self.lab.waiting_width_m())
+    }
+
     /// The object as it truly is: `name`, `mass`, `com`, `inertia` about it, `restitution`, `stiffness_npm`,
     /// its surface (`vertices`, `faces`) and the convex `parts` as which it collides, each a `hull` of points
     /// or a `ball` with `centre` and `radius_m`.

@@ -68,9 +68,15 @@ pub struct Arena {
 }
 
 impl Arena {
-    /// The scene (`seed`, `index`): the object is released at t = 0, the arm waits at `ready_q` with the
-    /// gripper open.
-    pub fn new(equipment: &Equipment, release: &Release, ready_q: &JointVector, seed: u64, index: u64) -> Self {
+    /// The scene (`seed`, `index`): the object is released at t = 0, the arm waits at `ready_q` with its fingers
+    /// `width_m` apart.
+    pub fn new(
+        equipment: &Equipment,
+        release: &Release,
+        (ready_q, width_m): (&JointVector, f64),
+        seed: u64,
+        index: u64,
+    ) -> Self {
         let Shared { config, robot, robot_with_gripper, gripper, object, cameras, .. } = &*equipment.shared;
         let conditions = Conditions::draw(config, object, seed, index);
         let true_robot = conditions.true_robot(robot);
@@ -81,7 +87,7 @@ impl Arena {
             restitution: conditions.restitution,
             drive_mass_kg: if config.gripper == GripperDriveKind::Real { DRIVE_MASS_KG } else { 0.0 },
         };
-        let world = World::new(settings, (&true_robot, ready_q), gripper, gripper.max_width_m, (object, release));
+        let world = World::new(settings, (&true_robot, ready_q), gripper, width_m, (object, release));
         let surface_sd_m = config.robot_errors.link_surface_sd_m;
         let mut renderer = equipment.shared.renderer.clone();
         if surface_sd_m > 0.0 {
@@ -98,7 +104,7 @@ impl Arena {
                 config.robot_controller.clone(),
                 Draws::new(Stream::RobotController, seed, index),
             ),
-            drive: GripperDrive::new(config.gripper, gripper, gripper.max_width_m, &mut gripper_draws),
+            drive: GripperDrive::new(config.gripper, gripper, width_m, &mut gripper_draws),
             sensors: Sensors::new(config, cameras, seed, index),
             conditions,
             true_robot,

@@ -16,8 +16,8 @@
 //! use catch_sim::{Arena, Equipment, Release};
 //!
 //! /// How wide the gripper stands 0.1 s after the release of a throw, nothing being commanded.
-//! fn width_after_a_moment(equipment: &Equipment, release: &Release, ready_q: &JointVector) -> f64 {
-//!     let mut arena = Arena::new(equipment, release, ready_q, 1, 0);
+//! fn width_after_a_moment(equipment: &Equipment, release: &Release, waiting: (&JointVector, f64)) -> f64 {
+//!     let mut arena = Arena::new(equipment, release, waiting, 1, 0);
 //!     loop {
 //!         let Ok(observation) = arena.sense();
 //!         let Ok(()) = arena.act(&Command::default());

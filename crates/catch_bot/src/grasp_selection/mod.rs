@@ -268,6 +268,12 @@ impl GraspSet {
         self.grasps.iter().map(|grasp| grasp.X_OG.translation.vector.norm()).fold(0.0, f64::max)
     }
 
+    /// The widest opening that any of the grasps asks for, in metres; `None` without grasps. Nothing is gained by
+    /// fingers that wait farther apart: a slow gripper needs longer to close them than the object flies.
+    pub fn widest_aperture_m(&self) -> Option<f64> {
+        self.grasps.iter().map(|grasp| grasp.aperture_m).max_by(f64::total_cmp)
+    }
+
     /// Reasons for which sampled candidates failed, the most frequent first.
     pub fn failures(&self) -> String {
         let mut reasons: Vec<_> = self.failures.iter().collect();

@@ -241,7 +241,17 @@ impl Setup {
 
     /// The arena with everything in place, the object about to fly.
     pub fn arena(&self, seed: u64, index: u64) -> Arena {
-        Arena::new(self.equipment(), &self.release(seed, index), &self.robot.ready_q, seed, index)
+        let waiting = (&self.robot.ready_q, self.waiting_width_m());
+        Arena::new(self.equipment(), &self.release(seed, index), waiting, seed, index)
+    }
+
+    /// Distance between the fingers of the waiting hand, in metres: as wide as the grasps of the object need; the
+    /// paper's gripper waits wide open.
+    pub fn waiting_width_m(&self) -> f64 {
+        match self.scenario.brain.catch_planning.unwrap_or(self.scenario.brain.method) {
+            Method::Ours => self.known().waiting_width_m(),
+            Method::Paper => self.gripper.max_width_m,
+        }
     }
 
     /// Draws the conditions that differ from throw to throw besides the throw itself.

@@ -61,7 +61,7 @@ fn commands(setup: &Setup, offset: Vector3<f64>, cameras: Cameras) -> Vec<Comman
     let elsewhere = || {
         let mut release = setup.release(seed, index);
         release.p_WO += offset;
-        Arena::new(setup.equipment(), &release, &setup.robot.ready_q, seed, index)
+        Arena::new(setup.equipment(), &release, (&setup.robot.ready_q, setup.waiting_width_m()), seed, index)
     };
     let mut cell = MovedObject { before: setup.arena(seed, index), after: elsewhere(), moved: false, cameras };
     let mut brain = setup.brain(seed, index);

@@ -98,7 +98,7 @@ fn the_arena_flies_as_free_flight_has_it() {
             omega_WO: conditions.spin_radps,
             ..setting::release([0.0; 3], [2.0, 4.0, 4.0])
         };
-        let mut arena = Arena::new(&equipment, &release, &robot.ready_q, 3, index);
+        let mut arena = Arena::new(&equipment, &release, (&robot.ready_q, setting::WIDTH_M), 3, index);
         while arena.time_s() < 0.7 {
             let Ok(_) = arena.sense();
         }

@@ -32,7 +32,7 @@ fn busy(gripper: GripperDriveKind) -> ArenaConfig {
 fn observed(config: ArenaConfig, release: &Release) -> Vec<TruthSample> {
     let robot = setting::robot();
     let equipment = Equipment::new(config, robot.clone(), setting::gripper(), setting::object("tennis_ball"), vec![]);
-    let mut arena = Arena::new(&equipment, release, &robot.ready_q, 0, 0);
+    let mut arena = Arena::new(&equipment, release, (&robot.ready_q, setting::WIDTH_M), 0, 0);
     let Ok(_) = arena.sense();
     let turned = robot.ready_q + robot.joint_vector(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.2]).unwrap();
     let control_points = [[robot.ready_q; 3], [turned; 3]].concat();

@@ -116,7 +116,7 @@ fn free_flight_is_that_of_the_centre_of_mass() {
         let config = ArenaConfig { published_bodies: true, drag, ..ArenaConfig::default() };
         let equipment =
             Equipment::new(config.clone(), setting::robot(), setting::gripper(), published.clone(), Vec::new());
-        let mut arena = Arena::new(&equipment, &release, &setting::robot().ready_q, 0, 0);
+        let mut arena = Arena::new(&equipment, &release, (&setting::robot().ready_q, setting::WIDTH_M), 0, 0);
         senses(&mut arena, 41);
         let samples = &arena.truth().samples;
         let conditions = Conditions::draw(&config, &published, 0, 0);

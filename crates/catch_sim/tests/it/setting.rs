@@ -85,10 +85,13 @@ pub fn fixed_hand(
     World::new(settings, mount, gripper, width_m, (object, release))
 }
 
+/// Distance between the fingers of the waiting hand, in metres: wide open.
+pub const WIDTH_M: f64 = 0.11;
+
 /// An arena without cameras.
 pub fn arena(config: &ArenaConfig, object: &str, release: &Release, ready_q: &JointVector) -> Arena {
     let equipment = Equipment::new(config.clone(), robot(), gripper(), self::object(object), Vec::new());
-    Arena::new(&equipment, release, ready_q, 0, 0)
+    Arena::new(&equipment, release, (ready_q, WIDTH_M), 0, 0)
 }
 
 /// An ideal drive of a gripper that is this wide open.

@@ -63,7 +63,7 @@ pub fn scene(setup: &Setup, seed: u64, index: u64) -> String {
          </mujoco>\n",
         visual_assets(robot, gripper),
         motors(robot, gripper),
-        released(robot, gripper, &setup.release(seed, index)),
+        released(robot, setup.waiting_width_m(), &setup.release(seed, index)),
     )
 }
 
@@ -197,10 +197,10 @@ fn motors(robot: &Robot, gripper: &Gripper) -> String {
     joints.chain(fingers).map(motor).collect()
 }
 
-/// The arm waits with its gripper open, and the object leaves the thrower's hand.
-fn released(robot: &Robot, gripper: &Gripper, release: &Release) -> String {
+/// The arm waits with its fingers `width_m` apart, and the object leaves the thrower's hand.
+fn released(robot: &Robot, width_m: f64, release: &Release) -> String {
     let object = release.p_WO.coords.iter().copied().chain(real_first(&release.q_WO));
-    let fingers = [gripper.max_width_m / 2.0; 2];
+    let fingers = [width_m / 2.0; 2];
     let qpos = robot.ready_q.iter().copied().take(robot.dof()).chain(fingers).chain(object);
     // The angular velocity of a free body is in its own axes.
     let spin = release.q_WO.inverse() * release.omega_WO;

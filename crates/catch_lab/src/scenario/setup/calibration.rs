@@ -126,7 +126,8 @@ pub fn run_session(
         omega_WO: Vector3::zeros(),
         path: None,
     };
-    let mut arena = Arena::new(setup.equipment(), &release, &setup.robot.ready_q, seed, index);
+    let waiting = (&setup.robot.ready_q, setup.gripper.max_width_m);
+    let mut arena = Arena::new(setup.equipment(), &release, waiting, seed, index);
     let mut now_s = 0.0;
     while !run.is_done() && now_s < LONGEST_S {
         let Ok(mut observation) = arena.sense();
@@ -157,7 +158,8 @@ pub fn observe_flights(
     let cameras = calibrated_cameras(believed, &calibration.cameras);
     let known = Arc::new(setup.knowledge().preparation(&setup.uncalibrated_config(seed, index), cameras));
     let thrown = Draws::new(Stream::Calibration, seed, index).bits();
-    let mut arena = Arena::new(setup.equipment(), &setup.release(thrown, 0), &setup.robot.ready_q, seed, index);
+    let waiting = (&setup.robot.ready_q, setup.waiting_width_m());
+    let mut arena = Arena::new(setup.equipment(), &setup.release(thrown, 0), waiting, seed, index);
     let observed = (0..flights as u64).map(|flight| {
         if flight > 0 {
             arena.throw_next(setup.equipment(), &setup.release(thrown, flight), thrown, flight);
