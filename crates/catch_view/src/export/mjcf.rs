@@ -14,7 +14,9 @@ use catch_body::{
 };
 use catch_cell::CameraModel;
 use catch_lab::scenario::setup::Setup;
-use catch_sim::{Conditions, GripperDriveKind, Release, ThrownObject, gripper_drive::DRIVE_MASS_KG, object::ColliderPart};
+use catch_sim::{
+    Conditions, GripperDriveKind, Release, ThrownObject, gripper_drive::DRIVE_MASS_KG, object::ColliderPart,
+};
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
 /// Groups of geoms: what cameras see, and what only collides.
@@ -160,8 +162,8 @@ fn thrown(object: &ThrownObject) -> (String, String) {
     (meshes, body + "</body>\n")
 }
 
-/// Contacts of the object in a throw: as stiff as its surface, and with the patch of a finger that presses with
-/// all of its force.
+/// Contacts of the object in a throw: as stiff as its surface, and with the patch of a finger that presses
+/// with all of its force.
 fn contact_attributes(setup: &Setup, conditions: &Conditions, drive_kg: f64) -> String {
     let Setup { object, gripper, .. } = setup;
     let finger_kg = gripper.finger_mass_kg + drive_kg;
@@ -190,13 +192,13 @@ fn damping_per_s(restitution: f64, rate_per_s: f64) -> f64 {
     let [mut low, mut high] = [0.0, 2.0 * rate_per_s];
     for _ in 0..20 {
         let middle = f64::midpoint(low, high);
-        *(if rebound(middle, rate_per_s) > restitution { &mut low } else { &mut high }) = middle;
+        [low, high] = if rebound(middle, rate_per_s) > restitution { [middle, high] } else { [low, middle] };
     }
     high
 }
 
-/// Fraction of its speed with which an object leaves a contact of MuJoCo, whose spring and damper push and never
-/// pull: the mean over the instants of a step at which it may begin.
+/// Fraction of its speed with which an object leaves a contact of MuJoCo, whose spring and damper push and
+/// never pull: the mean over the instants of a step at which it may begin.
 fn rebound(damping_per_s: f64, rate_per_s: f64) -> f64 {
     const INSTANTS: u32 = 16;
     let begun_at = |instant: u32| {
