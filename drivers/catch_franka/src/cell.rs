@@ -29,6 +29,9 @@ use crate::{
 const TICK_S: f64 = 0.01;
 /// Silence of the robot after which the link counts as dead.
 pub const WATCHDOG: Duration = Duration::from_millis(20);
+/// Silence of the hand after which it counts as lost, in seconds on the robot's clock. Its states come every 10 to
+/// 17 ms.
+const HAND_SILENCE_S: f64 = 0.25;
 /// Silence before the first state: the robot releases its brakes.
 const START: Duration = Duration::from_secs(5);
 /// Time in seconds in which a plan reaches the 1 kHz thread.
@@ -65,12 +68,15 @@ pub struct FrankaCell {
     control: Control,
     checker: Checker,
     hand: Option<Hand>,
+    /// Number of the hand's newest state, and when it came.
+    hand_told: (u64, f64),
     images: Receiver<Arrived>,
     /// The newest state.
     sample: Sample,
     /// The host's clock less the robot's, by the states that came soonest.
     offset_s: f64,
-    watchdog: Duration,
+    /// Silence of the robot after which the link counts as dead.
+    pub watchdog: Duration,
     next_tick_s: f64,
     /// What was wrong with the images, by camera.
     pub image_faults: BTreeMap<usize, ImageFaults>,
@@ -136,9 +142,9 @@ impl FrankaCell {
         (hand, images): (Option<Hand>, Receiver<Arrived>),
         clock: Clock,
     ) -> Result<Self, CellFault> {
-        let watchdog = clock.patience(WATCHDOG);
+        let (watchdog, start) = (clock.patience(WATCHDOG), clock.patience(START));
         let mut control = Control::begin(robot, bounds.arm.clone(), key, clock);
-        let Ok(sample) = control.next(START) else {
+        let Ok(sample) = control.next(start) else {
             return Err(CellFault::ProtectiveStop { cause: control.cause() });
         };
         let checker = Checker::new(bounds, sample.echo, 0);
@@ -149,6 +155,7 @@ impl FrankaCell {
             control,
             checker,
             hand,
+            hand_told: (0, 0.0),
             images,
             offset_s: sample.heard_s - sample.time_s,
             sample,
@@ -222,10 +229,18 @@ impl FrankaCell {
         frames
     }
 
-    fn gripper(&self) -> Result<GripperState, CellFault> {
-        let none = GripperState { width_m: 0.0, speed_mps: 0.0, force_n: 0.0, grasp: GraspState::Idle };
+    fn gripper(&mut self) -> Result<GripperState, CellFault> {
+        let Some(hand) = &self.hand else {
+            return Ok(GripperState { width_m: 0.0, speed_mps: 0.0, force_n: 0.0, grasp: GraspState::Idle });
+        };
         let lost = |cause| CellFault::LostConnection { device: "gripper".to_owned(), cause };
-        self.hand.as_ref().map_or(Ok(none), |hand| hand.state().map_err(lost))
+        let (state, number) = hand.state().map_err(lost)?;
+        if number > self.hand_told.0 {
+            self.hand_told = (number, self.sample.time_s);
+        } else if self.sample.time_s > self.hand_told.1 + HAND_SILENCE_S {
+            return Err(lost(format!("no state for {:.0} ms", HAND_SILENCE_S * 1e3)));
+        }
+        Ok(state)
     }
 }
 

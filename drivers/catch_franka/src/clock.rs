@@ -11,7 +11,7 @@ use std::{
 use franka::realtime::monotonic_ns;
 
 /// Silence of a simulated device after which it counts as lost: its images may take long.
-const PATIENCE: Duration = Duration::from_secs(10);
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A clock for all threads.
 #[derive(Debug, Clone, Default)]

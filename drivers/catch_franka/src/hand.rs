@@ -10,7 +10,7 @@ use std::{
         mpsc::{self, Receiver, RecvTimeoutError, Sender},
     },
     thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use catch_cell::{GraspState, GripperMove, GripperQueue, GripperState};
@@ -20,8 +20,6 @@ use crate::clock::Clock;
 
 /// Interval at which due moves are looked for.
 const POLL: Duration = Duration::from_millis(1);
-/// Silence of the hand after which it counts as lost. Its states come every 10 to 17 ms.
-pub const SILENCE: Duration = Duration::from_millis(250);
 /// Time in seconds that a move takes in addition to its way at full speed: latency, acceleration, answer.
 const POSITIONING_S: f64 = 0.15;
 /// Change of the width in metres that is worth a move.
@@ -30,22 +28,21 @@ const STEP_M: f64 = 2e-4;
 const CLOSED_M: f64 = 1e-6;
 
 /// A gripper that moves by itself at the times it was told.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Hand {
     moves: Sender<Vec<GripperMove>>,
     seen: Arc<Seen>,
 }
 
-/// What the hand told last, and when.
+/// What the hand told last, and how many states it told so far; or why it tells none any more.
+pub type Told = Result<(GripperState, u64), String>;
+
 #[derive(Debug)]
-struct Seen {
-    state: Mutex<Result<(GripperState, Instant), String>>,
-    silence: Duration,
-}
+struct Seen(Mutex<Told>);
 
 impl Seen {
-    fn lock(&self) -> MutexGuard<'_, Result<(GripperState, Instant), String>> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Told> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -58,11 +55,10 @@ impl Hand {
         let gripper = Arc::new(Gripper::new(address)?);
         let first = told(&gripper.read_once()?, None, clock.now_s());
         let (moves, received) = mpsc::channel();
-        let silence = clock.patience(SILENCE);
-        let seen = Arc::new(Seen { state: Mutex::new(Ok((first, Instant::now()))), silence });
+        let seen = Arc::new(Seen(Mutex::new(Ok((first, 1)))));
         let (reader, shared, now) = (gripper.clone(), Arc::downgrade(&seen), clock.clone());
         thread::spawn(move || {
-            let mut before = (now.now_s(), first);
+            let (mut before, mut count) = ((now.now_s(), first), 1);
             while let Some(seen) = shared.upgrade() {
                 let read = reader.read_once();
                 // What a move found out stays.
@@ -73,7 +69,8 @@ impl Hand {
                     Ok(state) => {
                         let state = told(&state, Some(before), now.now_s());
                         before = (now.now_s(), state);
-                        *seen.lock() = Ok((state, Instant::now()));
+                        count += 1;
+                        *seen.lock() = Ok((state, count));
                     }
                     Err(fault) => *seen.lock() = Err(fault.to_string()),
                 }
@@ -97,17 +94,12 @@ impl Hand {
         let _ = self.moves.send(moves);
     }
 
-    /// The newest state, or why there is none any more.
+    /// The newest state, and how many there were so far.
     ///
     /// # Errors
-    /// What the connection told as it ended; a hand that is silent.
-    pub fn state(&self) -> Result<GripperState, String> {
-        let silence = self.seen.silence;
-        match &*self.seen.lock() {
-            Ok((state, heard)) if heard.elapsed() <= silence => Ok(*state),
-            Ok(_) => Err(format!("no state for {} ms", silence.as_millis())),
-            Err(cause) => Err(cause.clone()),
-        }
+    /// What the connection told as it ended.
+    pub fn state(&self) -> Told {
+        self.seen.lock().clone()
     }
 }
 

@@ -10,14 +10,14 @@ use std::{
         mpsc::{self, Receiver},
     },
     thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use catch_body::{JointVector, Pose, Robot as Arm, robot_file::RobotFiles};
 use catch_cell::{ArmTrajectory, CameraModel, Cell, CellFault, Rejection, cell_file::SafeBox};
 use catch_franka::{
     camera_socket::{self, Arrived, ImageFaults},
-    cell::{Bounds, FrankaCell},
+    cell::{Bounds, FrankaCell, WATCHDOG},
     clock::Clock,
     enabling_key::EnablingKey,
     hand::Hand,
@@ -84,14 +84,31 @@ impl Fixture {
     }
 }
 
+/// Waits for the next state of a hand. It has no clock of the robot's, which stands still meanwhile.
+fn hear(hand: &Hand) {
+    let count = || hand.state().unwrap().1;
+    let before = count();
+    while count() == before {
+        thread::sleep(Duration::from_millis(1));
+    }
+}
+
 /// Sends the arm to its waiting pose, and does something on the way; then senses until the cell fails.
-fn disturbed(cell: &mut FrankaCell, to: JointVector, disturb: impl FnOnce()) -> CellFault {
+fn disturbed(
+    cell: &mut FrankaCell,
+    to: JointVector,
+    hand: Option<&Hand>,
+    disturb: impl FnOnce(&mut FrankaCell),
+) -> CellFault {
     let way = way(cell, to);
     start(cell, &way).unwrap();
     for _ in 0..60 {
+        if let Some(hand) = hand {
+            hear(hand);
+        }
         cell.sense().unwrap();
     }
-    disturb();
+    disturb(cell);
     loop {
         match cell.sense() {
             Ok(now) => assert!((now.arm.q - to).amax() > 1e-3, "it has arrived, and nothing was told"),
@@ -121,7 +138,7 @@ fn a_released_key_stops_the_arm_and_a_held_one_starts_it_again() {
     let fault = fixture.plain().and_then(|mut it| it.go_to(fixture.arm.ready_q, 1)).unwrap_err();
     assert!(fault.to_string().contains("key was released"), "nothing moves before it is held: {fault}");
     key.set(true);
-    let fault = disturbed(&mut fixture.plain().unwrap(), fixture.arm.ready_q, || key.set(false));
+    let fault = disturbed(&mut fixture.plain().unwrap(), fixture.arm.ready_q, None, |_| key.set(false));
     assert!(matches!(&fault, CellFault::ProtectiveStop { cause } if cause.contains("key was released")), "{fault}");
     key.set(true);
     fixture.goes_on();
@@ -130,13 +147,14 @@ fn a_released_key_stops_the_arm_and_a_held_one_starts_it_again() {
 #[test]
 #[ignore = "needs franka-sim"]
 fn a_lost_hand_stops_the_arm() {
-    let fixture = Fixture::new(Clock::Host);
-    let hand = FakeHand::start();
-    let connected = Hand::connect(&hand.address, Clock::Host).unwrap();
-    let mut cell = fixture.cell(wide(), (Some(connected), none())).unwrap();
-    let fault = disturbed(&mut cell, fixture.arm.ready_q, || hand.silence());
+    let fixture = Fixture::new(Clock::lock_step());
+    let fake = FakeHand::start();
+    let hand = Hand::connect(&fake.address, fixture.clock.clone()).unwrap();
+    let mut cell = fixture.cell(wide(), (Some(hand.clone()), none())).unwrap();
+    let fault = disturbed(&mut cell, fixture.arm.ready_q, Some(&hand), |_| fake.silence());
     let said = fault.to_string();
-    assert!(said.contains("gripper: no state for 250 ms") || said.contains("arm: no state"), "{said}");
+    // The protocol's own time-out is of the real clock, and may come first.
+    assert!(said.contains("gripper: no state for 250 ms") || said.contains("gripper: libfranka: UDP"), "{said}");
     drop(cell);
     fixture.goes_on();
 }
@@ -200,22 +218,20 @@ fn bad_images_are_told() {
 }
 
 /// A server that is stopped or killed in mid-motion is told by the driver itself: `franka-rs` waits for a second.
+/// A server that lives may be slow on a busy machine: so the watchdog is that of a real arm from the signal on.
 #[test]
 #[ignore = "needs franka-sim"]
 fn a_dead_link_is_told() {
     for signal in ["-STOP", "-KILL"] {
-        let fixture = Fixture::new(Clock::Host);
+        let fixture = Fixture::new(Clock::lock_step());
         let pid = fixture.server.child.id().to_string();
-        let mut when = None;
         let mut cell = fixture.plain().unwrap();
-        let fault = disturbed(&mut cell, fixture.arm.ready_q, || {
+        let fault = disturbed(&mut cell, fixture.arm.ready_q, None, |cell| {
             assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
-            when = Some(Instant::now());
+            cell.watchdog = WATCHDOG;
         });
-        let after = when.unwrap().elapsed();
-        println!("{signal}: {fault}, {after:?} after the signal");
+        println!("{signal}: {fault}");
         assert!(signal != "-STOP" || fault.to_string().contains("no state for 20 ms"), "{fault}");
-        assert!(after < Duration::from_millis(500), "{after:?}");
         let _ = Command::new("kill").args(["-CONT", &pid]).status();
     }
 }
