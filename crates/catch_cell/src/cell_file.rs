@@ -54,6 +54,9 @@ pub struct ArmLink {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HandLink {
+    /// Protocol that it speaks, by a name of the arm's driver; that of the arm's maker where the file says nothing.
+    #[serde(default)]
+    pub driver: Option<String>,
     /// Network address.
     pub address: String,
 }

@@ -89,7 +89,9 @@ pub fn start(command: &str, path: &Path, out: &Path, dry_run: bool) -> anyhow::R
     let driver = links.arm.driver.clone();
     let job = out.join(format!("{command}.job"));
     std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
-    DriveJob { links, cell, out: out.to_owned(), dry_run }.write(&job).with_context(|| job.display().to_string())?;
+    let file = path.display().to_string();
+    let task = DriveJob { file, links, cell, out: out.to_owned(), dry_run };
+    task.write(&job).with_context(|| job.display().to_string())?;
     let beside = env::current_exe().ok().map(|it| it.with_file_name(&driver)).filter(|it| it.exists());
     let program = beside.unwrap_or_else(|| PathBuf::from(&driver));
     let ended = process::Command::new(&program).arg(command).arg(&job).status();

@@ -15,14 +15,16 @@ use std::{
 
 use catch_body::{JointVector, Pose, Robot as Arm, robot_file::RobotFiles};
 use catch_cell::{ArmTrajectory, CameraModel, Cell, CellFault, Rejection, cell_file::SafeBox};
-use catch_franka::{
+use catch_driver::{
     camera_socket::{self, Arrived, ImageFaults},
-    cell::{Bounds, FrankaCell, WATCHDOG},
+    cell::{DrivenCell, WATCHDOG},
+    checker::Bounds,
     clock::Clock,
     enabling_key::EnablingKey,
     hand::Hand,
     motion,
 };
+use catch_franka::{control, franka_hand, margin};
 use franka::RobotMode;
 
 use crate::{fake_hand::FakeHand, server::Server};
@@ -62,14 +64,15 @@ impl Fixture {
         Self { arm, server, key, clock }
     }
 
-    fn cell(&self, safe_box: SafeBox, devices: (Option<Hand>, Receiver<Arrived>)) -> Result<FrankaCell, CellFault> {
-        let bounds = Bounds { arm: self.arm.clone(), speed_scaling: 0.3, safe_box };
+    fn cell(&self, safe_box: SafeBox, devices: (Option<Hand>, Receiver<Arrived>)) -> Result<DrivenCell, CellFault> {
+        let bounds = Bounds { arm: self.arm.clone(), speed_scaling: 0.3, safe_box, margin: margin::acceleration_ratio };
         let robot = self.server.connect();
         let _ = robot.automatic_error_recovery();
-        FrankaCell::begin(Arc::new(robot), &bounds, self.key.clone(), devices, self.clock.clone())
+        let control = control::begin(Arc::new(robot), self.arm.clone(), self.key.clone(), self.clock.clone());
+        DrivenCell::begin(control, &bounds, devices)
     }
 
-    fn plain(&self) -> Result<FrankaCell, CellFault> {
+    fn plain(&self) -> Result<DrivenCell, CellFault> {
         self.cell(wide(), (None, none()))
     }
 
@@ -95,10 +98,10 @@ fn hear(hand: &Hand) {
 
 /// Sends the arm to its waiting pose, and does something on the way; then senses until the cell fails.
 fn disturbed(
-    cell: &mut FrankaCell,
+    cell: &mut DrivenCell,
     to: JointVector,
     hand: Option<&Hand>,
-    disturb: impl FnOnce(&mut FrankaCell),
+    disturb: impl FnOnce(&mut DrivenCell),
 ) -> CellFault {
     let way = way(cell, to);
     start(cell, &way).unwrap();
@@ -118,15 +121,15 @@ fn disturbed(
 }
 
 /// A way to a pose that begins soon.
-fn way(cell: &mut FrankaCell, to: JointVector) -> ArmTrajectory {
+fn way(cell: &mut DrivenCell, to: JointVector) -> ArmTrajectory {
     let now = cell.sense().unwrap();
     motion::straight(1, now.time_s + 0.05, [now.arm.commanded.q, to], &fr3(), 0.1)
 }
 
 /// Commands a plan, and tells whether it was rejected.
-fn start(cell: &mut FrankaCell, plan: &ArmTrajectory) -> Result<(), Rejection> {
+fn start(cell: &mut DrivenCell, plan: &ArmTrajectory) -> Result<(), Rejection> {
     cell.act(&catch_cell::Command { arm: Some(plan.clone()), gripper: None, windows: None }).unwrap();
-    cell.sense().unwrap().arm.rejected.first().map_or(Ok(()), |it| Err(it.reason.clone()))
+    cell.sense().unwrap().arm.rejected.first().map_or(Ok(()), |it| Err(it.reason))
 }
 
 #[test]
@@ -149,7 +152,7 @@ fn a_released_key_stops_the_arm_and_a_held_one_starts_it_again() {
 fn a_lost_hand_stops_the_arm() {
     let fixture = Fixture::new(Clock::lock_step());
     let fake = FakeHand::start();
-    let hand = Hand::connect(&fake.address, fixture.clock.clone()).unwrap();
+    let hand = Hand::new(franka_hand::connect(&fake.address).unwrap(), fixture.clock.clone()).unwrap();
     let mut cell = fixture.cell(wide(), (Some(hand.clone()), none())).unwrap();
     let fault = disturbed(&mut cell, fixture.arm.ready_q, Some(&hand), |_| fake.silence());
     let said = fault.to_string();

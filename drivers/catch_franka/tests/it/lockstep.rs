@@ -9,9 +9,10 @@ use std::{
 
 use catch_body::{JointVector, Robot as Arm, robot::LimitScale};
 use catch_cell::{ArmTrajectory, Executor, ExecutorConfig};
+use catch_driver::{braking::CYCLE_S, motion};
 use catch_franka::{
-    margin, motion,
-    setpoint::{CYCLE_S, Cycle, Sensed},
+    margin,
+    setpoint::{Cycle, Sensed},
 };
 use catch_recording::{Part, RecordingReader, replay::RECORDED, sources::Sources};
 use franka::{FrankaError, JointPositions, MoveControllerMode, Robot};
