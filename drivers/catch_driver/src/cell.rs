@@ -21,8 +21,6 @@ use crate::{
 
 /// Interval of the observations in seconds.
 const TICK_S: f64 = 0.01;
-/// Silence of the robot after which the link counts as dead.
-pub const WATCHDOG: Duration = Duration::from_millis(20);
 /// Silence of the hand after which it counts as lost, in seconds on the robot's clock. Its states come every 10 to
 /// 17 ms.
 const HAND_SILENCE_S: f64 = 0.25;
@@ -65,7 +63,7 @@ impl DrivenCell {
         bounds: &Bounds,
         (hand, images): (Option<Hand>, Receiver<Arrived>),
     ) -> Result<Self, CellFault> {
-        let [watchdog, start] = [WATCHDOG, START].map(|it| control.patience(it));
+        let [watchdog, start] = [control.silence, START].map(|it| control.patience(it));
         let Ok(sample) = control.next(start) else {
             return Err(CellFault::ProtectiveStop { cause: control.cause() });
         };

@@ -82,8 +82,8 @@ impl Checker {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use catch_body::robot_file::RobotFiles;
     use crate::motion;
+    use catch_body::robot_file::RobotFiles;
     use catch_cell::LimitKind;
 
     pub(crate) fn fr3() -> Arm {

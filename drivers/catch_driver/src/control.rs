@@ -47,6 +47,8 @@ pub struct Control {
     pub plans: Sender<ArmTrajectory>,
     /// What each cycle saw.
     pub samples: Receiver<Sample>,
+    /// Silence of a real robot after which the link counts as dead.
+    pub silence: Duration,
     /// In lock-step: lets one cycle be answered.
     permits: Option<Sender<()>>,
     stop: Arc<AtomicBool>,
@@ -94,6 +96,7 @@ impl Control {
     pub fn begin(
         key: EnablingKey,
         clock: Clock,
+        silence: Duration,
         follow: impl FnOnce(&Link) -> Result<(), String> + Send + 'static,
     ) -> Self {
         let (plans, taken) = channel();
@@ -105,7 +108,7 @@ impl Control {
         let stop = Arc::new(AtomicBool::new(false));
         let link = Link { plans: taken, clock: clock.clone(), samples: seen, permitted, stop: stop.clone(), key };
         let thread = thread::spawn(move || follow(&link));
-        Self { plans, samples, permits, stop, thread: Some(thread), clock }
+        Self { plans, samples, silence, permits, stop, thread: Some(thread), clock }
     }
 
     /// Silence of a device after which it counts as lost, where it is `real` for a real one.

@@ -48,9 +48,8 @@ const REFERENCED: u8 = 1;
 /// Checksum of the command set's manual: its table is that of the polynomial 0x1021, the highest bit first, and its
 /// register is shifted to the right.
 fn checksum(bytes: &[u8]) -> u16 {
-    let entry = |index: u16| {
-        (0..8).fold(index << 8, |it, _| if it & 0x8000 == 0 { it << 1 } else { (it << 1) ^ 0x1021 })
-    };
+    let entry =
+        |index: u16| (0..8).fold(index << 8, |it, _| if it & 0x8000 == 0 { it << 1 } else { (it << 1) ^ 0x1021 });
     bytes.iter().fold(0xFFFF, |crc, byte| entry((crc ^ u16::from(*byte)) & 0xFF) ^ (crc >> 8))
 }
 

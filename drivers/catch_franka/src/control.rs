@@ -1,6 +1,6 @@
 //! The 1 kHz thread: answers each state of the robot.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use catch_body::{JointVector, Robot as Arm};
 use catch_driver::{
@@ -12,9 +12,12 @@ use franka::{FrankaResult, JointPositions, MoveControllerMode, Robot, RobotState
 
 use crate::setpoint::{Cycle, Sensed};
 
+/// Silence of the robot after which the link counts as dead.
+pub const SILENCE: Duration = Duration::from_millis(20);
+
 /// Begins to hold the arm, and executes plans while `key` is held.
 pub fn begin(robot: Arc<Robot>, arm: Arm, key: EnablingKey, clock: Clock) -> Control {
-    Control::begin(key, clock, move |link| {
+    Control::begin(key, clock, SILENCE, move |link| {
         // Where the priority is not granted `doctor` shows what that costs.
         let _ = realtime::set_current_thread_to_highest_scheduler_priority();
         follow(&robot, arm, link).map_err(|fault| fault.to_string())

@@ -17,7 +17,7 @@ use catch_body::{JointVector, Pose, Robot as Arm, robot_file::RobotFiles};
 use catch_cell::{ArmTrajectory, CameraModel, Cell, CellFault, Rejection, cell_file::SafeBox};
 use catch_driver::{
     camera_socket::{self, Arrived, ImageFaults},
-    cell::{DrivenCell, WATCHDOG},
+    cell::DrivenCell,
     checker::Bounds,
     clock::Clock,
     enabling_key::EnablingKey,
@@ -231,7 +231,7 @@ fn a_dead_link_is_told() {
         let mut cell = fixture.plain().unwrap();
         let fault = disturbed(&mut cell, fixture.arm.ready_q, None, |cell| {
             assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
-            cell.watchdog = WATCHDOG;
+            cell.watchdog = control::SILENCE;
         });
         println!("{signal}: {fault}");
         assert!(signal != "-STOP" || fault.to_string().contains("no state for 20 ms"), "{fault}");
