@@ -97,11 +97,16 @@ pub fn start(command: &str, path: &Path, out: &Path, dry_run: bool) -> anyhow::R
     let ended = process::Command::new(&program).arg(command).arg(&job).status();
     match ended {
         Ok(status) if status.success() => Ok(()),
+        // It has said which field is wrong.
+        Ok(status) if status.code() == Some(2) => {
+            let (found, expected) = (format!("{driver}, which refuses this file"), "what it said above");
+            Err(InputError::new(path.display().to_string(), "arm.driver", found, expected).into())
+        }
         Ok(status) => anyhow::bail!("the driver {driver} ended: {status}"),
         Err(fault) if fault.kind() == io::ErrorKind::NotFound => {
             let expected = format!(
-                "a program beside catchingbot or on the PATH; `cargo build --release --manifest-path \
-                 drivers/{driver}/Cargo.toml` builds one of this project's"
+                "a program beside catchingbot or on the PATH; `cargo install --locked --path drivers/{driver}` \
+                 installs one of this project's"
             );
             let file = path.display().to_string();
             Err(InputError::new(file, "arm.driver", format!("no program `{driver}`"), expected).into())

@@ -3,6 +3,7 @@
 #![allow(non_snake_case, missing_docs)]
 
 mod cameras;
+mod doctor;
 mod fake_hand;
 mod faults;
 mod lockstep;
