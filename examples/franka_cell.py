@@ -1,15 +1,14 @@
 """A Franka FR3 as a cell in Python: `python franka_cell.py ADDRESS`.
 
 The robot wants an answer within each millisecond. A process of its own gives it with pylibfranka; the brain's process checks trajectories
-and sends them there. The example moves the first joint by 0.1 rad and back while it computes, and prints how long answers took. With --thread
-a thread answers instead: then Python's lock lets answers wait for the computation.
+and sends them there. The example moves the first joint by 0.1 rad and back while it computes, and prints how long answers took. A thread in
+the brain's process would wait for Python's lock.
 """
 
 from __future__ import annotations
 
 import argparse
 import multiprocessing
-import threading
 import time
 
 import numpy as np
@@ -50,13 +49,11 @@ def answer(address: str, pipe) -> None:
 class FrankaCell:
     """`sense` waits for the next hundredth of a second, `act` passes a trajectory on. Images come from the function `frames`."""
 
-    def __init__(self, address: str, frames=lambda time_s: [], in_thread: bool = False) -> None:
+    def __init__(self, address: str, frames=lambda time_s: []) -> None:
         self.pipe, other = multiprocessing.Pipe()
-        start = threading.Thread if in_thread else multiprocessing.get_context("spawn").Process
-        start(target=answer, args=(address, other), daemon=True).start()
-        if not in_thread:
-            # So that the end of the process ends the pipe.
-            other.close()
+        multiprocessing.get_context("spawn").Process(target=answer, args=(address, other), daemon=True).start()
+        # So that the end of the process ends the pipe.
+        other.close()
         self.time_s, self.q, self.dq = self.pipe.recv()
         self.executor, self.frames = cb.Executor(cb.Robot(PARTS[0]), cb.Gripper(PARTS[1]), self.q), frames
 
@@ -84,9 +81,8 @@ class FrankaCell:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("address")
-    parser.add_argument("--thread", action="store_true")
     asked = parser.parse_args()
-    cell = FrankaCell(asked.address, in_thread=asked.thread)
+    cell = FrankaCell(asked.address)
     ways_rad, free_s = [0.1, -0.1], 0.0
     knots_s = np.repeat([0.0, 0.5, 1.0, 1.5], [4, 1, 1, 4])
     while cell.time_s < 4.0:
@@ -101,7 +97,7 @@ def main() -> None:
         sum(range(200_000))
     took_ms = 1e3 * np.array(cell.stop())
     figures = ", ".join(f"{name} {np.quantile(took_ms, it):.3f}" for name, it in [("median", 0.5), ("99 %", 0.99), ("99.9 %", 0.999), ("most", 1.0)])
-    print(f"{len(took_ms)} answers in ms: {figures}; joint 1 moved to {cell.q[0]:.3f} rad")
+    print(f"{len(took_ms)} answers in ms: {figures}")
 
 
 if __name__ == "__main__":

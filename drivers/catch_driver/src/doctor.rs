@@ -111,9 +111,9 @@ impl Watched {
         }
     }
 
-    fn found(&self) -> Images {
+    fn found(&self, measured_s: f64) -> Images {
         let count = self.count as f64;
-        let (rate_hz, latency_s) = (count / MEASURED_S, self.latency_s / count);
+        let (rate_hz, latency_s) = (count / measured_s, self.latency_s / count);
         Images { frames: self.count, rate_hz, latency_s, noise: self.noise.figures(), faults: self.faults }
     }
 }
@@ -124,6 +124,8 @@ impl Watched {
 /// A device that does not answer.
 pub fn run<D: Driver>(job: &DriveJob) -> anyhow::Result<()> {
     let bounds = drive::bounds::<D>(job)?;
+    // It is not moved, but a name that is wrong is told now.
+    drive::hand::<D>(job)?;
     let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &job.cell.cameras, &Clock::Host)?;
     let key = EnablingKey::default();
     // The arm is held: there is no motion to enable.
@@ -140,7 +142,9 @@ pub fn run<D: Driver>(job: &DriveJob) -> anyhow::Result<()> {
         }
     }
     control.stop();
-    let cameras = watched.iter().map(|(camera, it)| (*camera, it.found())).collect();
+    // The images' clock is the host's.
+    let measured_s = samples.last().map_or(f64::NAN, |it| it.heard_s - samples[0].heard_s);
+    let cameras = watched.iter().map(|(camera, it)| (*camera, it.found(measured_s))).collect();
     let found = serde_json::to_string_pretty(&Findings { images: cameras, ..findings(&samples, D::margin) })?;
     println!("{found}");
     let file = job.out.join(FILE);

@@ -67,7 +67,10 @@ pub fn bounds<D: Driver>(job: &DriveJob) -> anyhow::Result<Bounds> {
 }
 
 /// How the task's hand is connected with, and its address; none where it has no hand.
-fn hand<D: Driver>(job: &DriveJob) -> anyhow::Result<Option<(ConnectFingers, &str)>> {
+///
+/// # Errors
+/// A protocol that the driver does not speak.
+pub fn hand<D: Driver>(job: &DriveJob) -> anyhow::Result<Option<(ConnectFingers, &str)>> {
     let Some(link) = &job.links.hand else {
         return Ok(None);
     };

@@ -1,5 +1,5 @@
-//! `catchingbot doctor` from the cell's file to the predicted catch rate, against a simulated arm and cameras that are
-//! read by nobody else.
+//! The program with the driver: `catchingbot doctor` from the cell's file to the predicted catch rate, against a simulated
+//! arm and cameras that see a wall.
 
 use std::{
     fs,
@@ -32,6 +32,12 @@ while True:
         time.sleep(0.05)
 ";
 
+fn catchingbot() -> Command {
+    let mut command = Command::new(root().join("target/release/catchingbot"));
+    command.stderr(Stdio::inherit());
+    command
+}
+
 struct Cameras(Child);
 
 impl Drop for Cameras {
@@ -61,12 +67,7 @@ fn the_doctor_measures_and_predicts() {
     let python = here.join("../../target/franka/venv/bin/python");
     let cameras = Command::new(python).args(["-c", CAMERAS]).arg(here.join("../cameras")).arg(&socket).spawn();
     let cameras = Cameras(cameras.unwrap());
-    let told = Command::new(root().join("target/release/catchingbot"))
-        .args(["doctor", "--trials=2", "--out"])
-        .args([out.path(), &cell])
-        .stderr(Stdio::inherit())
-        .output()
-        .unwrap();
+    let told = catchingbot().args(["doctor", "--trials=2", "--out"]).args([out.path(), &cell]).output().unwrap();
     drop((cameras, server));
     let told = String::from_utf8(told.stdout).unwrap();
     println!("{told}");
@@ -84,5 +85,23 @@ fn the_doctor_measures_and_predicts() {
     for speed in ["0.1", "1"] {
         let said = format!("with these figures and speed_scaling = {speed} the arena catches");
         assert!(told.contains(&said), "{speed}");
+    }
+}
+
+/// What only the driver can know to be wrong ends as any wrong input does.
+#[test]
+#[ignore = "needs catchingbot"]
+fn an_unknown_hand_is_refused() {
+    let out = tempfile::tempdir().unwrap();
+    let cell = out.path().join("cell.toml");
+    let text = include_str!("../../../../crates/catch_cli/src/new_cell.toml");
+    assert!(text.contains("\"franka_hand\"\naddress"));
+    fs::write(&cell, text.replace("\"franka_hand\"\naddress", "\"robotiq\"\naddress")).unwrap();
+    for command in ["drive", "doctor"] {
+        let ended = catchingbot().arg(command).arg("--out").args([out.path(), &cell]).stderr(Stdio::piped()).output();
+        let ended = ended.unwrap();
+        let told = String::from_utf8(ended.stderr).unwrap();
+        let said = "cell.toml: hand.driver: found \"robotiq\", expected franka_hand or wsg50";
+        assert!(ended.status.code() == Some(2) && told.contains(said), "{told}");
     }
 }
