@@ -21,8 +21,8 @@ use crate::{
 
 /// Interval of the observations in seconds.
 const TICK_S: f64 = 0.01;
-/// Silence of the hand after which it counts as lost, in seconds on the robot's clock. Its states come every 10 to
-/// 17 ms.
+/// Silence of the hand after which it counts as lost, in seconds on the robot's clock. Its states come every
+/// 10 to 17 ms.
 const HAND_SILENCE_S: f64 = 0.25;
 /// Silence before the first state: the robot releases its brakes.
 const START: Duration = Duration::from_secs(5);

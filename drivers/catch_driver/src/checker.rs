@@ -17,8 +17,8 @@ pub struct Bounds {
     pub speed_scaling: f64,
     /// Box that the hand must not leave.
     pub safe_box: SafeBox,
-    /// Fraction of the acceleration limit that plans may use on a link that loses up to so many answers in a row.
-    /// None: no plan may be executed over such a link.
+    /// Fraction of the acceleration limit that plans may use on a link that loses up to so many answers in a
+    /// row. None: no plan may be executed over such a link.
     pub margin: fn(u64) -> Option<f64>,
 }
 

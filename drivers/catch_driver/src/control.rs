@@ -91,8 +91,8 @@ impl Link {
 }
 
 impl Control {
-    /// Begins a motion: `follow` holds the arm and executes plans in a thread of its own, until it has to stop or the
-    /// robot ends the motion, and then says why.
+    /// Begins a motion: `follow` holds the arm and executes plans in a thread of its own, until it has to
+    /// stop or the robot ends the motion, and then says why.
     pub fn begin(
         key: EnablingKey,
         clock: Clock,

@@ -38,8 +38,8 @@ pub trait Driver {
     /// Hands by the names that a cell's file has for them. Where the file names none it is the first.
     const HANDS: &'static [(&'static str, ConnectFingers)];
 
-    /// Fraction of the acceleration limit that plans may use on a link that loses up to so many answers in a row.
-    /// None: no plan may be executed over such a link.
+    /// Fraction of the acceleration limit that plans may use on a link that loses up to so many answers in a
+    /// row. None: no plan may be executed over such a link.
     fn margin(longest_run: u64) -> Option<f64>;
 
     /// Connects with the arm, and begins to hold it where it stands.

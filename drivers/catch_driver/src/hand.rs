@@ -1,8 +1,8 @@
 //! A hand on a connection of its own: one thread moves it, another reads its states.
 //!
-//! The protocols of hands know a move to a width, and a move that closes until something stops the fingers. Each is
-//! answered when it has ended, and nothing else begins before. So a move to the width zero is a grasp; and no
-//! other move begins that could still run when it is time to grasp.
+//! The protocols of hands know a move to a width, and a move that closes until something stops the fingers.
+//! Each is answered when it has ended, and nothing else begins before. So a move to the width zero is a
+//! grasp; and no other move begins that could still run when it is time to grasp.
 
 use std::{
     sync::{
@@ -25,8 +25,8 @@ pub trait Fingers: Send + Sync {
     /// If there will be none any more.
     fn next_state(&self) -> Result<(f64, bool), String>;
 
-    /// Moves the fingers, and waits until they stand. A grasp that meets nothing is no fault, nor is a move that the hand
-    /// refuses.
+    /// Moves the fingers, and waits until they stand. A grasp that meets nothing is no fault, nor is a move
+    /// that the hand refuses.
     ///
     /// # Errors
     /// If the hand cannot be told.

@@ -1,8 +1,9 @@
-//! What the drivers of real arms have in common: a [`Cell`](catch_cell::Cell) with the checks of its plans, the sockets
-//! of cameras and hands, the enabling key, the recording of every run, and the measurement of the links.
+//! What the drivers of real arms have in common: a [`Cell`](catch_cell::Cell) with the checks of its plans,
+//! the sockets of cameras and hands, the enabling key, the recording of every run, and the measurement of the
+//! links.
 //!
-//! A driver adds its arm's protocol ([`drive::Driver`]): a thread that holds the arm and executes checked plans. All
-//! times are seconds on the arm's clock since the motion began.
+//! A driver adds its arm's protocol ([`drive::Driver`]): a thread that holds the arm and executes checked
+//! plans. All times are seconds on the arm's clock since the motion began.
 
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 

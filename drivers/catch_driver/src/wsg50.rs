@@ -1,7 +1,8 @@
 //! The WSG-50 over TCP, by the command set that its maker publishes.
 //!
-//! A packet is three bytes 0xAA, the command's number, the size of the payload, the payload, and a checksum. Answers
-//! begin with a status; a motion is answered twice: as it begins, and when it has ended. Fingers are positioned with
+//! A packet is three bytes 0xAA, the command's number, the size of the payload, the payload, and a checksum.
+//! Answers begin with a status; a motion is answered twice: as it begins, and when it has ended. Fingers are
+//! positioned with
 //! *clamp on block*, so that a grasp of any width is one command, and the next position needs no release.
 
 use std::{
@@ -45,8 +46,8 @@ const AXIS_BLOCKED: u16 = 29;
 /// Bit of the system state: the fingers are homed.
 const REFERENCED: u8 = 1;
 
-/// Checksum of the command set's manual: its table is that of the polynomial 0x1021, the highest bit first, and its
-/// register is shifted to the right.
+/// Checksum of the command set's manual: its table is that of the polynomial 0x1021, the highest bit first,
+/// and its register is shifted to the right.
 fn checksum(bytes: &[u8]) -> u16 {
     let entry =
         |index: u16| (0..8).fold(index << 8, |it, _| if it & 0x8000 == 0 { it << 1 } else { (it << 1) ^ 0x1021 });
@@ -225,8 +226,8 @@ mod tests {
     /// What a gripper was commanded: number and payload.
     type Commands = Receiver<(u8, Vec<u8>)>;
 
-    /// A gripper that answers as the manual's tables say, with something of 60 mm between its fingers. It moves while
-    /// one answer follows another, and is homed if that was asked for.
+    /// A gripper that answers as the manual's tables say, with something of 60 mm between its fingers. It
+    /// moves while one answer follows another, and is homed if that was asked for.
     fn gripper(mut is_homed: bool) -> (String, Commands) {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
@@ -314,7 +315,8 @@ mod tests {
         assert_eq!(commands.try_iter().collect::<Vec<_>>(), expected);
     }
 
-    /// A hand that is homed moves only when it is told to; one that goes away is told, and one that is not there.
+    /// A hand that is homed moves only when it is told to; one that goes away is told, and one that is not
+    /// there.
     #[test]
     fn a_lost_hand_is_told() {
         let (address, commands) = gripper(true);

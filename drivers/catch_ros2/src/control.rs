@@ -23,7 +23,8 @@ use crate::messages::{JointState, JointTrajectory, braking, planned};
 
 /// Longest wait for the controller to be found, and for its first state.
 pub const START: Duration = Duration::from_secs(5);
-/// Silence of the joint states after which the link counts as dead: their rate is that of the robot's broadcaster.
+/// Silence of the joint states after which the link counts as dead: their rate is that of the robot's
+/// broadcaster.
 pub const SILENCE: Duration = Duration::from_millis(250);
 /// Interval at which states, plans and the key are looked at.
 const POLL: Duration = Duration::from_millis(1);
@@ -56,6 +57,7 @@ impl Controller {
         let domain = domain.map_or(Ok(0), |it| {
             it.parse().map_err(|_| InputError::new("the environment", "ROS_DOMAIN_ID", format!("{it:?}"), expected))
         })?;
+        let name = &format!("/{}", name.trim_start_matches('/'));
         let space = name.rsplit_once('/').map_or("", |it| it.0);
         let context = Context::with_options(ContextOptions::new().domain_id(domain)).map_err(|it| anyhow!("{it}"))?;
         let node_name = NodeName::new("/", "catchingbot").map_err(|it| anyhow!("{it:?}"))?;

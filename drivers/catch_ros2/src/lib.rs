@@ -1,8 +1,9 @@
 //! Driver of the arms of ROS 2: a `joint_trajectory_controller` of `ros2_control` gets each plan as a
-//! `trajectory_msgs/JointTrajectory`, and `sensor_msgs/JointState` says where the arm is. ROS itself is not needed.
+//! `trajectory_msgs/JointTrajectory`, and `sensor_msgs/JointState` says where the arm is. ROS itself is not
+//! needed.
 //!
-//! The address of the arm in a cell's file is the name of the controller, such as `/joint_trajectory_controller`; the
-//! domain is that of `ROS_DOMAIN_ID`.
+//! The address of the arm in a cell's file is the name of the controller, such as
+//! `/joint_trajectory_controller`; the domain is that of `ROS_DOMAIN_ID`.
 
 pub mod control;
 pub mod messages;

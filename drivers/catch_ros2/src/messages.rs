@@ -6,8 +6,8 @@ use catch_driver::braking::{CYCLE_S, Executed, brake};
 use ros2_client::{Message, builtin_interfaces::Time};
 use serde::{Deserialize, Serialize};
 
-/// Time from a message's arrival until its first point, in seconds. Until then the controller interpolates from where it
-/// is: what the message took to arrive, a few milliseconds of way, is spread over it.
+/// Time from a message's arrival until its first point, in seconds. Until then the controller interpolates
+/// from where it is: what the message took to arrive, a few milliseconds of way, is spread over it.
 const FIRST_S: f64 = 0.1;
 /// Time from one point to the next in seconds.
 const STEP_S: f64 = 0.01;
@@ -88,7 +88,8 @@ impl JointState {
     }
 }
 
-/// Everything from `now_s` until `end_s`, when the arm is at rest: the rest of what is executed, and what comes next.
+/// Everything from `now_s` until `end_s`, when the arm is at rest: the rest of what is executed, and what
+/// comes next.
 pub fn planned(arm: &Arm, [now_s, end_s]: [f64; 2], setpoint: impl Fn(f64) -> Setpoint) -> JointTrajectory {
     let count = ((end_s - now_s - FIRST_S) / STEP_S).ceil().max(0.0) as usize;
     let from_start = |i: usize| FIRST_S + i as f64 * STEP_S;
@@ -97,8 +98,8 @@ pub fn planned(arm: &Arm, [now_s, end_s]: [f64; 2], setpoint: impl Fn(f64) -> Se
     trajectory(arm, points.map(|(i, it)| (from_start(i), it)))
 }
 
-/// The way from a motion to rest within the arm's limits. It is told as it would be without the time that the message
-/// takes to arrive.
+/// The way from a motion to rest within the arm's limits. It is told as it would be without the time that the
+/// message takes to arrive.
 pub fn braking(arm: &Arm, mut executed: Executed) -> JointTrajectory {
     let mut points = Vec::new();
     for cycle in 1..=MOST_CYCLES {
@@ -159,8 +160,9 @@ mod tests {
         f64::from(it.time_from_start.sec) + f64::from(it.time_from_start.nanosec) * 1e-9
     }
 
-    /// Position of the first joint so long after the arrival, as the controller documents it for points that have
-    /// velocities and accelerations: a polynomial of fifth degree from one to the next, and at first from where it is.
+    /// Position of the first joint so long after the arrival, as the controller documents it for points that
+    /// have velocities and accelerations: a polynomial of fifth degree from one to the next, and at first
+    /// from where it is.
     fn interpolated(from: &Setpoint, message: &JointTrajectory, time_s: f64) -> f64 {
         let mut before = (0.0, [from.q[0], from.dq[0], from.ddq[0]]);
         for point in &message.points {
@@ -179,8 +181,8 @@ mod tests {
         before.1[0]
     }
 
-    /// In mid-motion the rest of the plan is told anew. A controller that gets it some milliseconds late goes on within
-    /// the limits, and ends where the plan ends.
+    /// In mid-motion the rest of the plan is told anew. A controller that gets it some milliseconds late goes
+    /// on within the limits, and ends where the plan ends.
     #[test]
     fn a_splice_that_arrives_late_breaks_no_limit() {
         let arm = fr3();

@@ -1,5 +1,5 @@
-//! Plans reach a real node of ROS 2, which executes them as a joint_trajectory_controller does. `drivers/catch_ros2/test`
-//! installs it.
+//! Plans reach a real node of ROS 2, which executes them as a joint_trajectory_controller does.
+//! `drivers/catch_ros2/test` installs it.
 
 #![allow(non_snake_case, missing_docs)]
 
@@ -99,8 +99,8 @@ fn assert_continuous(setpoints: &[f64], arm: &Arm) {
     assert!(most > 0.0 && most < arm.joints[0].limits.velocity * 1e-3, "{most} rad in a millisecond");
 }
 
-/// A plan that leaves another in mid-motion and ends at rest elsewhere. The first three control points of a cubic spline
-/// with threefold first knots are its position, velocity and acceleration there.
+/// A plan that leaves another in mid-motion and ends at rest elsewhere. The first three control points of a
+/// cubic spline with threefold first knots are its position, velocity and acceleration there.
 fn turned(before: &ArmTrajectory, start_s: f64, to: JointVector) -> ArmTrajectory {
     const SPAN_S: f64 = 0.6;
     let from = before.setpoint(start_s);

@@ -1,5 +1,5 @@
-//! The program with the driver: `catchingbot doctor` from the cell's file to the predicted catch rate, against a simulated
-//! arm and cameras that see a wall.
+//! The program with the driver: `catchingbot doctor` from the cell's file to the predicted catch rate,
+//! against a simulated arm and cameras that see a wall.
 
 use std::{
     fs,
@@ -9,8 +9,8 @@ use std::{
 
 use crate::server::{Server, root};
 
-/// Two cameras of the size that the rig says, 30 images a second each, of a wall: inverse depth with the noise of a stereo
-/// camera, and pixels without depth.
+/// Two cameras of the size that the rig says, 30 images a second each, of a wall: inverse depth with the
+/// noise of a stereo camera, and pixels without depth.
 const CAMERAS: &str = "
 import sys, time
 sys.path.insert(0, sys.argv[1])

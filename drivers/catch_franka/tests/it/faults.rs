@@ -1,5 +1,5 @@
-//! What goes wrong in a real cell, in mid-motion: the arm comes to rest without a reflex, the cell says why, and the
-//! next motion begins.
+//! What goes wrong in a real cell, in mid-motion: the arm comes to rest without a reflex, the cell says why,
+//! and the next motion begins.
 
 use std::{
     io::Write,
@@ -220,8 +220,9 @@ fn bad_images_are_told() {
     assert_eq!(cell.image_faults[&0], told, "a sender that is frozen");
 }
 
-/// A server that is stopped or killed in mid-motion is told by the driver itself: `franka-rs` waits for a second.
-/// A server that lives may be slow on a busy machine: so the watchdog is that of a real arm from the signal on.
+/// A server that is stopped or killed in mid-motion is told by the driver itself: `franka-rs` waits for a
+/// second. A server that lives may be slow on a busy machine: so the watchdog is that of a real arm from the
+/// signal on.
 #[test]
 #[ignore = "needs franka-sim"]
 fn a_dead_link_is_told() {

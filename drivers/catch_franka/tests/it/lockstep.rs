@@ -261,8 +261,8 @@ fn a_silent_link_ends_the_motion_and_the_next_one_begins() {
     assert!(figures.lost > 0);
 }
 
-/// A link that holds answers back and lets them through together: the controller may stop by a reflex, which it
-/// names, and the next throw is followed.
+/// A link that holds answers back and lets them through together: the controller may stop by a reflex, which
+/// it names, and the next throw is followed.
 #[test]
 #[ignore = "needs franka-sim"]
 fn late_answers_stop_by_the_rules_and_the_next_throw_is_followed() {

@@ -1,4 +1,5 @@
-//! The driver against the maker's protocols: `drivers/catch_franka/test` installs what they need, records throws and runs this.
+//! The driver against the maker's protocols: `drivers/catch_franka/test` installs what they need, records
+//! throws and runs this.
 
 #![allow(non_snake_case, missing_docs)]
 

@@ -1,5 +1,5 @@
-//! Whole catches through the driver: images, arm and hand come from a scene in MuJoCo, which judges as the arena
-//! does. The same throws were recorded in the arena.
+//! Whole catches through the driver: images, arm and hand come from a scene in MuJoCo, which judges as the
+//! arena does. The same throws were recorded in the arena.
 
 use std::{env, iter, path::Path, sync::Arc};
 
