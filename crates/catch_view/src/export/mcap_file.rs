@@ -41,6 +41,7 @@ use super::urdf::base_link;
 use crate::{
     playback::{MotionSample, Playback},
     points::points_of,
+    surfaces::finger_poses,
 };
 use catch_recording::{Header, RecordedTick};
 use messages::{
@@ -203,7 +204,7 @@ impl Topics<'_> {
         // Each link in the one before it, as in the URDF, so that both can be shown together.
         let pairs = links.windows(2).enumerate();
         transforms.extend(pairs.map(|(i, pair)| transform(pair[0], pair[1], &(X_WL[i].inverse() * X_WL[i + 1]))));
-        let fingers = scene::FINGERS.into_iter().zip(playback.gripper.finger_poses(sample.width_m));
+        let fingers = scene::FINGERS.into_iter().zip(finger_poses(&playback.gripper, sample.width_m));
         transforms.extend(fingers.map(|(name, X_GF)| transform("gripper", name, &X_GF)));
         let cameras = playback.header.cell.cameras.iter().enumerate();
         transforms.extend(cameras.map(|(i, camera)| transform(scene::WORLD, &camera_name(i), &camera.X_WC)));

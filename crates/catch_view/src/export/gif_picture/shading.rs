@@ -1,23 +1,20 @@
 //! Ray-cast, shaded images of a throw.
 
-use catch_body::{
-    Pose, Robot,
-    ray_cast::{ArmSurface, RayCaster, SurfacePart},
-};
+use catch_body::{Gripper, Pose, Robot, ray_cast::RayCaster};
 use catch_cell::{CameraModel, PixelWindow, sight::Sight};
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
-use super::palette::{Colour, OBJECT, grey};
-use crate::playback::{MotionSample, Playback};
+use super::palette::{Colour, grey};
+use crate::{
+    playback::{MotionSample, Playback},
+    surfaces::{Part, Surface, finger_poses, surfaces},
+};
 
 const SKY: f64 = 0.93;
 const FLOOR: f64 = 0.89;
 const GRID: f64 = 0.80;
 /// Brightness of a shadow over that of the floor around it.
 const SHADOW: f64 = 0.80;
-const LINK: f64 = 0.95;
-const GRIPPER: f64 = 0.38;
-const OBSTACLE: f64 = 0.74;
 /// Opacity of a link before hand or object.
 const VEIL: f64 = 0.2;
 /// Opacity of the surroundings.
@@ -39,10 +36,10 @@ pub struct Line {
 /// Parts of the scene that are the same in all images of a throw.
 #[derive(Debug)]
 pub struct Shader {
-    arm: ArmSurface,
-    object: Option<RayCaster>,
+    surfaces: Vec<(RayCaster, Surface)>,
     sun: Vector3<f64>,
     robot: Robot,
+    gripper: Gripper,
 }
 
 /// Bodies before a camera at an instant.
@@ -78,31 +75,34 @@ struct Seen {
 impl Shader {
     /// Prepares the surfaces.
     pub fn new(playback: &Playback) -> Self {
+        let object = playback.ground_truth().map(|it| it.surface.mesh());
+        let surfaces = surfaces(&playback.robot, &playback.gripper, object.as_ref());
         Self {
-            arm: ArmSurface::new(&playback.robot, &playback.gripper),
-            object: playback.ground_truth().map(|it| RayCaster::new(&it.surface.mesh())),
+            surfaces: surfaces.into_iter().map(|it| (RayCaster::new(&it.mesh), it)).collect(),
             sun: Vector3::new(0.35, -0.35, 0.87).normalize(),
             robot: playback.robot.clone(),
+            gripper: playback.gripper.clone(),
         }
     }
 
     /// One image of a camera, row by row.
     pub fn image(&self, camera: &CameraModel, sample: &MotionSample, lines: &[Line]) -> Vec<Colour> {
         let X_WL = self.robot.link_poses(&sample.q);
-        let mut bodies: Vec<Body> = self
-            .arm
-            .named_parts(&X_WL, sample.width_m)
-            .map(|(part, X_WB, caster)| {
-                let (colour, opacity) = match part {
-                    SurfacePart::Link(_) => (LINK, Some([1.0, VEIL])),
-                    SurfacePart::Gripper => (GRIPPER, None),
-                    SurfacePart::Obstacle => (OBSTACLE, Some([FADED; 2])),
-                };
-                Body::new(camera, X_WB, caster, (grey(colour), opacity))
-            })
-            .collect();
-        let object = sample.X_WO.zip(self.object.as_ref());
-        bodies.extend(object.map(|(X_WO, caster)| Body::new(camera, X_WO, caster, (OBJECT, None))));
+        let mut bodies: Vec<Body> = Vec::new();
+        for (caster, surface) in &self.surfaces {
+            let mut add = |X_WB, opacity| bodies.push(Body::new(camera, X_WB, caster, (surface.colour, opacity)));
+            match surface.of {
+                Part::Link => add(X_WL[surface.link], Some([1.0, VEIL])),
+                Part::Housing => add(sample.X_WG, None),
+                Part::Finger => {
+                    for X_GF in finger_poses(&self.gripper, sample.width_m) {
+                        add(sample.X_WG * X_GF, None);
+                    }
+                }
+                Part::Object => sample.X_WO.into_iter().for_each(|X_WO| add(X_WO, None)),
+                Part::Obstacle => add(Pose::identity(), Some([FADED; 2])),
+            }
+        }
         Shot { camera, sun: self.sun, bodies }.image(lines)
     }
 }
@@ -177,12 +177,17 @@ impl Shot<'_> {
         before.fold(behind, |seen, hit| Seen { colour: mixed(&seen.colour, &colour(hit), opacity(hit.1)), ..seen })
     }
 
-    /// A surface in the light of sky and sun.
+    /// A surface in the light of sky and sun, and a little from the camera.
     fn lit(&self, body: &Body, normal: &Vector3<f64>, direction: &Vector3<f64>) -> Colour {
         let half = (self.sun - direction).normalize();
-        let light = 0.56 + 0.14 * normal.z + 0.36 * normal.dot(&self.sun).max(0.0);
-        let shine = 0.12 * normal.dot(&half).max(0.0).powi(40);
-        body.colour.map(|value| (value * light + shine).min(1.0))
+        let light =
+            0.46 + 0.16 * normal.z + 0.95 * normal.dot(&self.sun).max(0.0) - 0.16 * normal.dot(direction).min(0.0);
+        let shine = 0.1 * normal.dot(&half).max(0.0).powi(60);
+        // The light of the surface, on a curve as of film: as the page has it.
+        let lit = body.colour.map(|value| value * value * light + shine);
+        let most = lit.iter().copied().fold(0.0, f64::max);
+        let film = (2.2 * most + 0.1) / (most * (2.1 * most + 0.55) + 0.12);
+        lit.map(|value| (value * film).sqrt().min(1.0))
     }
 
     /// Floor with its grid and the shadows on it, or sky.

@@ -95,7 +95,7 @@ for (const { time_s: time, label, detail } of data.events) {
 }
 const LAYERS = [["truth", "true path", "--accent"], ["predicted", "predictions", "--blue"], ["plan", "planned hand", "--blue"],
   ["motion", "velocity, spin", "--j2"], ["contact", "contacts, miss", "--bad"], ["points", "depth points", "--j6"],
-  ["obstacles", "surroundings", "--faint"], ["grasps", "grasp candidates", "--j2"], ["cameras", "cameras", "--j5"]]
+  ["obstacles", "surroundings", "--faint"], ["capsules", "capsules", "--blue"], ["grasps", "grasp candidates", "--j2"], ["cameras", "cameras", "--j5"]]
   .filter(([name]) => (name !== "truth" && name !== "motion" || data.motion.p_WO) && (name !== "obstacles" || data.surfaces.some((it) => it.of === "obstacle")));
 function toggle(name, on = !layers[name]) { layers[name] = on; $(`layer-${name}`).ariaPressed = on; refresh(); }
 LAYERS.forEach(([name, label, colour], i) => {

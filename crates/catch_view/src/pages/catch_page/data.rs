@@ -1,6 +1,6 @@
 //! Data of a throw's page.
 
-use catch_body::{Pose, Robot};
+use catch_body::{Pose, Robot, shape::Capsule};
 use catch_bot::grasp_selection::RankedGrasp;
 use nalgebra::Point3;
 use serde::Serialize;
@@ -76,6 +76,7 @@ struct RobotData {
     base: [f64; 7],
     gripper: [f64; 7],
     joints: Vec<JointData>,
+    capsules: Vec<CapsuleData>,
     finger_centre_y_m: f64,
     finger_thickness_m: f64,
     finger_tip_y_m: f64,
@@ -87,6 +88,15 @@ struct JointData {
     name: String,
     parent: [f64; 7],
     axis: [f64; 3],
+}
+
+/// A capsule around a part of a link.
+#[derive(Debug, Serialize)]
+struct CapsuleData {
+    link: usize,
+    from: [f64; 3],
+    to: [f64; 3],
+    radius: f64,
 }
 
 /// The true motion, or without ground truth the sensed one, at even times; what is unknown is `None`.
@@ -235,10 +245,17 @@ impl RobotData {
             parent: seven(&joint.X_PL),
             axis: joint.axis.into_inner().into(),
         });
+        let capsule = |(link, it): &(usize, Capsule)| CapsuleData {
+            link: *link,
+            from: it.from.into(),
+            to: it.to.into(),
+            radius: it.radius,
+        };
         Self {
             base: seven(&robot.X_WB),
             gripper: seven(&robot.X_LG),
             joints: joints.collect(),
+            capsules: robot.capsules.iter().map(capsule).collect(),
             finger_centre_y_m: gripper.finger_centre_y_m,
             finger_thickness_m: gripper.finger_size_m[0],
             finger_tip_y_m: gripper.fingertip_y_m(),
