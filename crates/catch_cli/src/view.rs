@@ -2,7 +2,9 @@
 
 use std::{
     collections::BTreeMap,
-    env, fs,
+    env,
+    ffi::OsStr,
+    fs,
     path::{Path, PathBuf},
     process::{Command, Stdio},
 };
@@ -135,8 +137,15 @@ pub fn show(page: &Path) -> anyhow::Result<()> {
     Ok(screen::line(&page.display().to_string())?)
 }
 
+/// Shows an address in a browser, if there is a display.
+pub fn open_address(address: &str) {
+    if has_display() {
+        open_with(OsStr::new(address));
+    }
+}
+
 /// Returns whether a browser has a display.
-fn has_display() -> bool {
+pub fn has_display() -> bool {
     let is_set = |name: &str| env::var_os(name).is_some_and(|it| !it.is_empty());
     !cfg!(all(unix, not(target_os = "macos")))
         || ["DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME"].into_iter().any(is_set)
@@ -203,6 +212,10 @@ pub fn write_page(recording: &Path, playback: &Playback) -> anyhow::Result<PathB
 fn open(page: &Path) -> bool {
     // An absolute path cannot be taken for an option.
     let page = fs::canonicalize(page).unwrap_or_else(|_| page.to_owned());
+    open_with(page.as_os_str())
+}
+
+fn open_with(what: &OsStr) -> bool {
     let openers: &[&[&str]] = if cfg!(target_os = "macos") {
         &[&["open"]]
     } else if cfg!(target_os = "windows") {
@@ -213,7 +226,7 @@ fn open(page: &Path) -> bool {
     let quiet = |opener: &&[&str]| {
         let [program, options @ ..] = opener else { return false };
         let mut command = Command::new(program);
-        command.args(options).arg(&page).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command.args(options).arg(what).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         command.spawn().is_ok()
     };
     openers.iter().any(quiet)
