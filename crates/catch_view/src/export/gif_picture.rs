@@ -7,7 +7,6 @@
 //! changed.
 
 mod palette;
-mod shading;
 
 use std::borrow::Cow;
 
@@ -17,10 +16,10 @@ use nalgebra::Point3;
 
 use crate::{
     playback::{MotionSample, Playback},
+    shading::{Line, Shader},
     viewpoint::{CatchScene, Viewpoint, between},
 };
 use palette::{Colour, FRAME, Palette, TRANSPARENT};
-use shading::{Line, Shader};
 
 /// Size in pixels.
 const WIDTH: u16 = 560;
@@ -53,9 +52,10 @@ const PIECE_S: f64 = 0.015;
 /// If it cannot be encoded, which would be a bug.
 pub fn gif(playback: &Playback) -> Result<Vec<u8>, EncodingError> {
     let Some(scene) = CatchScene::new(playback) else { return Ok(Vec::new()) };
+    let object = playback.ground_truth().map(|it| it.surface.mesh());
     let picture = Picture {
         playback,
-        shader: Shader::new(playback),
+        shader: Shader::new(&playback.robot, &playback.gripper, object.as_ref()),
         camera: scene.framed(&scene.scene(), [WIDTH, HEIGHT]),
         close_up: scene.close_up(),
         palette: Palette::new(),

@@ -25,3 +25,8 @@ pub const BALL: Colour = [0.80, 0.86, 0.14];
 pub const WHITE: Colour = [0.95, 0.95, 0.93];
 /// Ends to which an object tapers.
 pub const TIP: Colour = [0.42, 0.29, 0.10];
+
+/// A grey of a brightness from 0 to 1.
+pub fn grey(brightness: f64) -> Colour {
+    [brightness * 0.985, brightness * 0.99, brightness]
+}

@@ -1,7 +1,7 @@
 //! The colours of the picture.
 
 pub use crate::surfaces::paint::Colour;
-use crate::surfaces::paint::{BALL, OBJECT, RING, TIP};
+use crate::surfaces::paint::{BALL, OBJECT, RING, TIP, grey};
 
 /// The index that stands for "as it was".
 pub const TRANSPARENT: u8 = 0;
@@ -69,9 +69,4 @@ fn nearest(colours: &[Colour], colour: &Colour) -> u8 {
     let candidates = colours.iter().enumerate().skip(usize::from(TRANSPARENT) + 1);
     let best = candidates.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)));
     best.map_or(1, |(index, _)| index as u8)
-}
-
-/// A grey of a brightness from 0 to 1.
-pub fn grey(brightness: f64) -> Colour {
-    [brightness * 0.985, brightness * 0.99, brightness]
 }

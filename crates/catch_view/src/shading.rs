@@ -1,13 +1,16 @@
-//! Ray-cast, shaded images of a throw.
+//! Ray-cast, shaded images of arm, hand and object, where no browser draws them.
 
-use catch_body::{Gripper, Pose, Robot, ray_cast::RayCaster};
+use catch_body::{Gripper, Pose, Robot, TriangleMesh, ray_cast::RayCaster};
 use catch_cell::{CameraModel, PixelWindow, sight::Sight};
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
-use super::palette::{Colour, grey};
 use crate::{
-    playback::{MotionSample, Playback},
-    surfaces::{Part, Surface, finger_poses, surfaces},
+    playback::MotionSample,
+    surfaces::{
+        Part, Surface, finger_poses,
+        paint::{Colour, grey},
+        surfaces,
+    },
 };
 
 const SKY: f64 = 0.93;
@@ -73,15 +76,14 @@ struct Seen {
 }
 
 impl Shader {
-    /// Prepares the surfaces.
-    pub fn new(playback: &Playback) -> Self {
-        let object = playback.ground_truth().map(|it| it.surface.mesh());
-        let surfaces = surfaces(&playback.robot, &playback.gripper, object.as_ref());
+    /// Prepares the surfaces; the object's where it is known.
+    pub fn new(robot: &Robot, gripper: &Gripper, object: Option<&TriangleMesh>) -> Self {
+        let surfaces = surfaces(robot, gripper, object);
         Self {
             surfaces: surfaces.into_iter().map(|it| (RayCaster::new(&it.mesh), it)).collect(),
             sun: Vector3::new(0.35, -0.35, 0.87).normalize(),
-            robot: playback.robot.clone(),
-            gripper: playback.gripper.clone(),
+            robot: robot.clone(),
+            gripper: gripper.clone(),
         }
     }
 
