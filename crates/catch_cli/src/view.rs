@@ -16,11 +16,14 @@ use catch_recording::{
     whole_file::{self, COMMAND_LINE, make_writable},
 };
 use catch_view::{
-    export::{mcap_file, urdf},
+    export::{
+        mcap_file::{self, Images, LAYOUT},
+        urdf,
+    },
     pages::{catch_page, pair_page},
     playback::Playback,
 };
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use crate::{compare, screen};
 
@@ -44,21 +47,31 @@ pub struct ViewArguments {
     files: FileArguments,
 }
 
+/// Depth images of an MCAP file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ImagesArgument {
+    /// As many as fit into 3 MB
+    Some,
+    /// All
+    All,
+}
+
 /// Further files that are written beside a recording.
 #[derive(Debug, Args)]
 pub struct FileArguments {
     /// Write a small moving picture, if the program was built with `--features gif`
     #[arg(long)]
     gif: bool,
-    /// Write an MCAP file for Foxglove or Rerun, and the robot's URDF beside it
-    #[arg(long)]
-    mcap: bool,
+    /// Write an MCAP file for Foxglove or Rerun, and beside it the robot's URDF and a layout for Foxglove; it
+    /// has as many depth images as fit into 3 MB, or all of them
+    #[arg(long, value_name = "IMAGES", num_args = 0..=1, require_equals = true, default_missing_value = "some")]
+    mcap: Option<ImagesArgument>,
 }
 
 impl FileArguments {
     /// Returns whether any file is asked for.
     pub fn any(&self) -> bool {
-        self.gif || self.mcap
+        self.gif || self.mcap.is_some()
     }
 
     /// Writes what was asked for beside a file, which need not exist; returns the files by their kinds.
@@ -76,8 +89,16 @@ impl FileArguments {
         if self.gif {
             write("picture", "gif", &gif(playback)?)?;
         }
-        if self.mcap {
-            write("mcap", "mcap", &mcap_file::mcap(playback)?)?;
+        if let Some(images) = self.mcap {
+            let images = if images == ImagesArgument::All { Images::All } else { Images::Some };
+            let (content, images_every) = mcap_file::mcap(playback, images)?;
+            write("mcap", "mcap", &content)?;
+            write("layout", "foxglove.json", LAYOUT.as_bytes())?;
+            if images_every > 1 {
+                screen::note(&format!(
+                    "The MCAP file has the images of one tick in {images_every}, which keeps it small; --mcap=all writes all."
+                ));
+            }
             let urdf = urdf::with_visuals(&playback.header.cell.sources.robot_urdf, &playback.robot);
             write("urdf", "urdf", urdf.as_bytes())?;
         }

@@ -1,16 +1,21 @@
 //! Ray-cast, shaded images of arm, hand and object, where no browser draws them.
 
+use std::io::Write;
+
+use base64::{Engine, prelude::BASE64_STANDARD};
 use catch_body::{Gripper, Pose, Robot, TriangleMesh, ray_cast::RayCaster};
 use catch_cell::{CameraModel, PixelWindow, sight::Sight};
+use flate2::{Compression, Crc, write::ZlibEncoder};
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
 use crate::{
-    playback::MotionSample,
+    playback::{MotionSample, Playback},
     surfaces::{
         Part, Surface, finger_poses,
         paint::{Colour, grey},
         surfaces,
     },
+    viewpoint::{CatchScene, between},
 };
 
 const SKY: f64 = 0.93;
@@ -24,6 +29,8 @@ const VEIL: f64 = 0.2;
 const FADED: f64 = 0.25;
 /// Rays per pixel and direction where bodies meet.
 const FINE: usize = 3;
+/// Width and height of a picture of a catch.
+const PICTURE_PX: u32 = 150;
 
 /// A line through the scene.
 #[derive(Debug, Clone)]
@@ -107,6 +114,39 @@ impl Shader {
         }
         Shot { camera, sun: self.sun, bodies }.image(lines)
     }
+}
+
+/// Hand and object at the catch, as a PNG file in base64; empty for a recording without motion.
+pub fn picture_of_catch(playback: &Playback) -> String {
+    let at = playback.motion_at(playback.flight_end_s());
+    let Some((sample, scene)) = at.zip(CatchScene::new(playback)) else { return String::new() };
+    let object = playback.ground_truth().map(|it| it.surface.mesh());
+    let view = scene.close_up();
+    let (target, radius_m) = between(playback, &sample, view.radius_m);
+    let camera = view.around(&target, radius_m, [PICTURE_PX; 2]);
+    let shader = Shader::new(&playback.robot, &playback.gripper, object.as_ref());
+    BASE64_STANDARD.encode(png(&shader.image(&camera, &sample, &[]), PICTURE_PX))
+}
+
+/// A square picture as a PNG file. (W3C, Portable Network Graphics, third edition.)
+fn png(colours: &[Colour], size_px: u32) -> Vec<u8> {
+    let byte = |value: &f64| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
+    // Each row is as it is: filter 0.
+    let rows =
+        colours.chunks(size_px as usize).flat_map(|row| std::iter::once(0).chain(row.iter().flatten().map(byte)));
+    let mut packed = ZlibEncoder::new(Vec::new(), Compression::best());
+    let pixels = packed.write_all(&rows.collect::<Vec<u8>>()).and_then(|()| packed.finish()).unwrap_or_default();
+    let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
+    // Eight bits of red, green and blue.
+    let head = [&size_px.to_be_bytes()[..], &size_px.to_be_bytes(), &[8, 2, 0, 0, 0]].concat();
+    for (kind, content) in [(b"IHDR", head), (b"IDAT", pixels), (b"IEND", Vec::new())] {
+        let mut check = Crc::new();
+        check.update(kind);
+        check.update(&content);
+        file.extend((content.len() as u32).to_be_bytes());
+        file.extend([&kind[..], &content, &check.sum().to_be_bytes()].concat());
+    }
+    file
 }
 
 impl<'a> Body<'a> {

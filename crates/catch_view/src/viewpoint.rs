@@ -73,10 +73,10 @@ impl Viewpoint {
     }
 
     /// A camera that shows a ball around `centre` from here.
-    pub fn around(&self, centre: &Point3<f64>, radius_m: f64, size_px: u32) -> CameraModel {
+    pub fn around(&self, centre: &Point3<f64>, radius_m: f64, [width_px, height_px]: [u32; 2]) -> CameraModel {
         let distance_m = radius_m / libm::tan(VIEW_RAD / 2.0);
         let X_WC = looking(&(centre + self.away() * distance_m), &-self.away());
-        CameraModel::with_field_of_view(X_WC, size_px, size_px, VIEW_RAD)
+        CameraModel::with_field_of_view(X_WC, width_px, height_px, VIEW_RAD)
     }
 }
 
@@ -138,7 +138,7 @@ impl<'a> CatchScene<'a> {
         let (centre, shown_m) = self.focus();
         let across = self.sample.X_WG.rotation * Vector3::z();
         let mut view = best(&CLOSE_UP_RAD, |view| {
-            let eye = view.around(&centre, shown_m, LOOK_PX).X_WC.translation.vector.into();
+            let eye = view.around(&centre, shown_m, [LOOK_PX; 2]).X_WC.translation.vector.into();
             (self.seen_from(&eye, LOOK_PX), ACROSS_HAND * view.away().dot(&across).abs())
         });
         // A small object is shown from nearer.

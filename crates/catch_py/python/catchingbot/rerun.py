@@ -48,7 +48,7 @@ def _blueprint(seen: dict[str, Any]) -> rrb.Blueprint:
     scene = rrb.Spatial3DView(
         origin="world",
         name="throw",
-        contents=["+ $origin/**", "- $origin/*/depth"],
+        contents=["+ $origin/**", *(f"- $origin/camera_{i:02}/depth" for i in _used(seen))],
         line_grid=rrb.LineGrid3D(visible=True),
         eye_controls=rrb.EyeControls3D(position=target + [1.9, 1.6, 0.7], look_target=target, eye_up=[0.0, 0.0, 1.0]),
     )
@@ -110,7 +110,7 @@ def _images(stream: rr.RecordingStream, seen: dict[str, Any]) -> None:
         K[:2, 2] -= (left, top)
         stream.set_time(TIMELINE, duration=time_s)
         stream.log(f"world/camera_{i:02}", rr.Pinhole(image_from_camera=K, resolution=depth.shape[::-1], image_plane_distance=0.2))
-        stream.log(f"world/camera_{i:02}/depth", rr.DepthImage(depth, meter=1.0))
+        stream.log(f"world/camera_{i:02}/depth", rr.DepthImage(np.where(np.isfinite(depth), depth, 0.0), meter=1.0))
 
 
 if __name__ == "__main__":

@@ -34,6 +34,8 @@ const unit = (a) => { const length = Math.hypot(...a) || 1; return a.map((value)
 const canvas = $("view");
 const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, stencil: true });
 if (!gl) $("failure").hidden = false;
+// Where one page after another is shown, what a graphics card holds must not wait for the collector.
+if (parent !== window) addEventListener("pagehide", () => gl?.getExtension("WEBGL_lose_context")?.loseContext());
 
 const SURFACE = [`#version 300 es
   uniform mat4 view, model; in vec3 position, normal; out vec3 n, p;

@@ -54,6 +54,22 @@ pub struct PageData {
     points: PackedPoints,
     cameras: Vec<Camera>,
     stages: Option<Stages>,
+    links: Option<Links>,
+}
+
+/// Pages beside this one, where it is one of a report's.
+#[derive(Debug, Serialize)]
+pub struct Links {
+    /// The report.
+    pub report: String,
+    /// The miss before this one.
+    pub previous: Option<String>,
+    /// The miss after this one.
+    pub next: Option<String>,
+    /// The nearest throw that was caught.
+    pub caught: Option<String>,
+    /// Of a caught one, the miss that it is near to.
+    pub missed: Option<String>,
 }
 
 #[derive(Debug, Serialize)]
@@ -191,11 +207,17 @@ impl PageData {
             points: PackedPoints::of(playback, points),
             cameras: header.cell.cameras.iter().map(camera).collect(),
             stages: Stages::of(playback),
+            links: None,
         }
     }
 }
 
 impl PageData {
+    /// The data with the way to other pages.
+    pub fn among(self, links: Links) -> Self {
+        Self { links: Some(links), ..self }
+    }
+
     /// The data with the first view of another throw, for two throws beside each other.
     pub fn seen_as(self, other: &Self) -> Self {
         Self { scene_view: other.scene_view, ..self }

@@ -1,5 +1,8 @@
 // Drawing of the scene and of the close-up in its corner.
 const layers = { truth: true, predicted: true, plan: true, points: true, motion: true, contact: true, obstacles: true, capsules: false, grasps: false, cameras: false };
+// The joint whose link is tinted.
+let tinted = -1;
+function tint(joint) { if (joint !== tinted) { tinted = joint; refresh(); } }
 // Pixels drawn per pixel shown, in each direction.
 let sharpness = 1;
 const SUN = unit([0.35, -0.35, 0.87]), STILL = shift(0, 0, 0), OPAQUE_HAND = ["housing", "finger", "object"];
@@ -59,7 +62,7 @@ function drawBodies({ eye, near }, now, time, dark) {
   const shown = scene.surfaces.filter((it) => it.of !== "obstacle" || layers.obstacles);
   const points = sightPoints(now, time), faded = shown.filter((it) => it.of === "obstacle" && (near || points.some((p) => crosses(it, eye, p))));
   const solid = shown.filter((it) => !faded.includes(it)), catching = solid.filter((it) => OPAQUE_HAND.includes(it.of)), others = solid.filter((it) => !OPAQUE_HAND.includes(it.of));
-  const all = (list, alpha) => { for (const it of list) for (const place of placesOf(it, now)) paint(it, place, [...it.colour.map((c) => c * (dark && c > 0.6 && it.of !== "object" ? 0.82 : 1)), alpha]); };
+  const all = (list, alpha) => { for (const it of list) for (const place of placesOf(it, now)) paint(it, place, [...(tinted >= 0 && it.of === "link" && it.link === tinted + 1 ? rgb(jointColour(tinted)) : it.colour).map((c) => c * (dark && c > 0.6 && it.of !== "object" ? 0.82 : 1)), alpha]); };
   // Shadows: everything flattened onto the floor along the light, each pixel darkened once.
   const flat = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, -SUN[0] / SUN[2], -SUN[1] / SUN[2], 0, 0, 0, 0, 0.001, 1]);
   gl.enable(gl.CULL_FACE); gl.enable(gl.BLEND); gl.enable(gl.STENCIL_TEST); gl.disable(gl.DEPTH_TEST);
