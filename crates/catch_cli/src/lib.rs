@@ -39,6 +39,7 @@ mod replay;
 mod robot;
 mod screen;
 mod view;
+mod watch;
 
 use std::{io, path::PathBuf, process::ExitCode, sync::LazyLock};
 
