@@ -1,13 +1,8 @@
 """The scene of a throw in MuJoCo: the exported one, with what is drawn for the throw."""
 
-from __future__ import annotations
-
-from functools import cache
-
+import catchingbot as cb
 import mujoco
 import numpy as np
-
-import catchingbot as cb
 
 
 def matrix(position, xyzw) -> np.ndarray:
@@ -35,7 +30,7 @@ def nominal(setup: cb.Setup) -> mujoco.MjModel:
 
 
 def scene(setup: cb.Setup, seed: int, index: int, drawn: dict) -> mujoco.MjModel:
-    """The scene under the conditions that are drawn for a throw."""
+    """The scene of a throw, which has its friction and restitution, with the masses and the mount that are drawn for it."""
     model = exported(setup, seed, index)
     for joint, ratio in zip(setup.robot.numbers["joints"], drawn["link_mass_ratios"], strict=True):
         link = model.body("arm/" + joint["link"]).id
@@ -45,39 +40,5 @@ def scene(setup: cb.Setup, seed: int, index: int, drawn: dict) -> mujoco.MjModel
     off = matrix(model.body_pos[hand], np.roll(model.body_quat[hand], -1)) @ matrix(mount["position_m"], mount["orientation_xyzw"])
     model.body_pos[hand] = off[:3, 3]
     mujoco.mju_mat2Quat(model.body_quat[hand], off[:3, :3].flatten())
-    model.pair_friction[:, :3] *= max(drawn["friction"], 1e-5) / model.pair_friction[0, 0]
-    stiffness, impedance = -model.pair_solref[0, 0], model.pair_solimp[0, 0]
-    model.pair_solref[:, 1] = -damping(round(drawn["restitution"], 2), stiffness, impedance)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
-
-
-BENCH = """
-<mujoco>
-  <option timestep="0.0005" cone="elliptic" impratio="100"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="1 1 1"/>
-    <body pos="0 0 0.0301"><freejoint/><geom name="ball" size="0.03" mass="0.1"/></body>
-  </worldbody>
-  <contact><pair geom1="ball" geom2="floor" solref="-{} -{}" solreffriction="0.0035 1" solimp="{} {} 0.001 0.5 2"/></contact>
-</mujoco>
-"""
-
-
-def bounce(damped: float, stiffness: float, impedance: float) -> float:
-    """How fast a ball that meets the floor at 3 m/s leaves it, as a fraction; stiffness and damping are for each kilogram."""
-    model = mujoco.MjModel.from_xml_string(BENCH.format(stiffness, damped, impedance, impedance))
-    data = mujoco.MjData(model)
-    data.qvel[2] = -3.0
-    mujoco.mj_step(model, data, 60)
-    return data.qvel[2] / 3.0
-
-
-@cache
-def damping(restitution: float, stiffness: float, impedance: float) -> float:
-    """The damping of contacts with this restitution, by bisection."""
-    low, high = 0.0, 2 * np.sqrt(stiffness)
-    for _ in range(12):
-        middle = (low + high) / 2
-        low, high = (middle, high) if bounce(middle, stiffness, impedance) > restitution else (low, middle)
-    return high

@@ -1,29 +1,23 @@
 """What a brain commanded in the arena, once more in MuJoCo, without looking: `python rerun.py out/catch/*.catch`.
 
-The arm gets the recorded commands at the recorded times, whatever becomes of the object. So both engines answer the same question, and a
-brain that would have corrected itself cannot hide where they differ.
+The arm gets the recorded commands at the recorded times, whatever becomes of the object: no brain corrects itself.
 """
-
-from __future__ import annotations
 
 import argparse
 import json
 from pathlib import Path
 
 import catchingbot as cb
-
 from cell import MujocoCell
 
 
 def rerun(recording: cb.Recording) -> str | None:
     """Throws once in MuJoCo; why the object was not caught."""
-    cell, commands = MujocoCell(recording.setup, recording.seed, recording.index), iter(recording.commands)
-    at_s, command = next(commands)
+    cell, commands = MujocoCell(recording.setup, recording.seed, recording.index), list(recording.commands)
     while not cell.done:
         cell.wait()
-        while at_s <= cell.time_s + 1e-9:
-            cell.act(command)
-            at_s, command = next(commands, (float("inf"), None))
+        while commands and commands[0][0] <= cell.time_s + 1e-9:
+            cell.act(commands.pop(0)[1])
     return cell.why_not_caught()
 
 

@@ -46,7 +46,7 @@ fn first_speed_scaling() -> f64 {
 pub struct ArmLink {
     /// Name of the driver's program.
     pub driver: String,
-    /// Network address of the robot controller.
+    /// Network address of the robot controller; for `catch_ros2` the controller's name.
     pub address: String,
 }
 
@@ -54,6 +54,9 @@ pub struct ArmLink {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HandLink {
+    /// Protocol that it speaks, by a name of the arm's driver. By default: the driver's first.
+    #[serde(default)]
+    pub driver: Option<String>,
     /// Network address.
     pub address: String,
 }

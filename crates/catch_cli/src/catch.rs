@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    io,
+    fs, io,
     path::{Path, PathBuf},
 };
 
@@ -32,6 +32,7 @@ use super::{ChoiceArguments, MOST, OutputArguments, view, whole};
 use crate::{
     calibrate,
     screen::{self, BAD, FAINT, GOOD, STRONG},
+    watch::Watch,
 };
 
 /// Arguments of `catch`.
@@ -56,6 +57,9 @@ pub struct CatchArguments {
     /// Open the page in a browser
     #[arg(long, conflicts_with = "json")]
     open: bool,
+    /// Open a page that follows the run, on this machine only
+    #[arg(long)]
+    watch: bool,
     #[command(flatten)]
     files: view::FileArguments,
 }
@@ -89,13 +93,14 @@ struct Document<'a> {
 /// # Errors
 /// Faults in the arguments and files; a folder that cannot be written.
 pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
-    let CatchArguments { choice, object, throw, seed, index, output, open, files } = arguments;
+    let CatchArguments { choice, object, throw, seed, index, output, open, watch, files } = arguments;
     let setup = Setup::load(&choice.with(object.as_deref(), throw.as_deref()))?;
     let scene = setup.scene(*seed, *index);
     setup.check_throw(*seed, *index)?;
     // A folder that cannot be written to is reported before anything is thrown.
     make_writable(&output.out, "--out")?;
 
+    let watch = Watch::start(*watch, &format!("Scenario {}", scene.scenario), 1)?;
     let aloud = !output.json;
     if aloud {
         title(&setup, &scene)?;
@@ -108,6 +113,11 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     let mut written = files.write(&recording, &playback)?;
     let page = view::write_page(&recording, &playback)?;
     written.insert("page", page.clone());
+    if let Some(watch) = watch {
+        let page = page.clone();
+        watch.thrown(&scene, verdict.reason, move || Ok(fs::read_to_string(&page)?));
+        watch.end();
+    }
 
     if aloud {
         summary(&setup, &scene, &verdict, &stopwatch, &recording)?;

@@ -23,18 +23,18 @@ use crate::{drive, screen};
 
 /// File in the folder for results in which a driver leaves its findings.
 const FINDINGS: &str = "doctor.json";
-/// Throws of the prediction.
-const THROWS: u64 = 50;
-
 /// Arguments of `doctor`.
 #[derive(Debug, Args)]
 pub struct DoctorArguments {
     /// The cell's file: `catchingbot new cell` writes one
     #[arg(value_name = "CELL.toml")]
     cell: PathBuf,
-    /// Folder for what the driver is told
+    /// Folder for what the driver is told, and for its findings
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
+    /// Throws of each prediction
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u64).range(1..))]
+    trials: u64,
 }
 
 /// The part of a driver's findings that the arena can have, too.
@@ -66,7 +66,7 @@ struct Noise {
 ///
 /// # Errors
 /// A fault in the cell's file; a driver that is missing, fails, or leaves no findings.
-pub fn run(DoctorArguments { cell, out }: &DoctorArguments) -> anyhow::Result<()> {
+pub fn run(DoctorArguments { cell, out, trials }: &DoctorArguments) -> anyhow::Result<()> {
     let file = out.join(FINDINGS);
     if file.exists() {
         fs::remove_file(&file).with_context(|| file.display().to_string())?;
@@ -84,17 +84,22 @@ pub fn run(DoctorArguments { cell, out }: &DoctorArguments) -> anyhow::Result<()
     let mut speeds = vec![links.speed_scaling, 1.0];
     speeds.dedup();
     for speed in speeds {
-        let caught = predicted(cell, &found, speed, ratio)?;
-        let [low, high] = wilson95(caught, THROWS as usize).map(|it| it * 100.0);
+        let caught = predicted(cell, &found, [speed, ratio], *trials)?;
+        let [low, high] = wilson95(caught, *trials as usize).map(|it| it * 100.0);
         screen::line(&format!(
-            "with these figures and speed_scaling = {speed} the arena catches {caught} of {THROWS} throws ({low:.0} to {high:.0} %)"
+            "with these figures and speed_scaling = {speed} the arena catches {caught} of {trials} throws ({low:.0} to {high:.0} %)"
         ))?;
     }
     Ok(())
 }
 
 /// Number of the arena's catches with a cell's findings, at a fraction of the arm's limits.
-fn predicted(path: &Path, found: &Findings, speed: f64, acceleration_ratio: f64) -> Result<usize, InputError> {
+fn predicted(
+    path: &Path,
+    found: &Findings,
+    [speed, acceleration_ratio]: [f64; 2],
+    trials: u64,
+) -> Result<usize, InputError> {
     let (_, plain) = drive::setup(path, &[])?;
     let (_, mut setup) = drive::setup(path, &settings(&plain, found, speed, acceleration_ratio))?;
     if plain.scenario.arena.free_running_cameras {
@@ -103,7 +108,7 @@ fn predicted(path: &Path, found: &Findings, speed: f64, acceleration_ratio: f64)
         }
     }
     setup.scenario.arena.depth.model = noise(&plain, found);
-    let evaluation = Evaluation { cells: vec![Cell::new(setup)], seed: 1, first: 0, trials: THROWS };
+    let evaluation = Evaluation { cells: vec![Cell::new(setup)], seed: 1, first: 0, trials };
     let threads = thread::available_parallelism().map_or(1, NonZero::get);
     let bar = screen::progress_bar(evaluation.len(), "throws");
     let mut caught = 0;

@@ -89,17 +89,24 @@ pub fn start(command: &str, path: &Path, out: &Path, dry_run: bool) -> anyhow::R
     let driver = links.arm.driver.clone();
     let job = out.join(format!("{command}.job"));
     std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
-    DriveJob { links, cell, out: out.to_owned(), dry_run }.write(&job).with_context(|| job.display().to_string())?;
+    let file = path.display().to_string();
+    let task = DriveJob { file, links, cell, out: out.to_owned(), dry_run };
+    task.write(&job).with_context(|| job.display().to_string())?;
     let beside = env::current_exe().ok().map(|it| it.with_file_name(&driver)).filter(|it| it.exists());
     let program = beside.unwrap_or_else(|| PathBuf::from(&driver));
     let ended = process::Command::new(&program).arg(command).arg(&job).status();
     match ended {
         Ok(status) if status.success() => Ok(()),
+        // It has said which field is wrong.
+        Ok(status) if status.code() == Some(2) => {
+            let (found, expected) = (format!("{driver}, which refuses this file"), "what it said above");
+            Err(InputError::new(path.display().to_string(), "arm.driver", found, expected).into())
+        }
         Ok(status) => anyhow::bail!("the driver {driver} ended: {status}"),
         Err(fault) if fault.kind() == io::ErrorKind::NotFound => {
             let expected = format!(
-                "a program beside catchingbot or on the PATH; `cargo build --release --manifest-path \
-                 drivers/{driver}/Cargo.toml` builds one of this project's"
+                "a program beside catchingbot or on the PATH; `cargo install --locked --path drivers/{driver}` \
+                 installs one of this project's"
             );
             let file = path.display().to_string();
             Err(InputError::new(file, "arm.driver", format!("no program `{driver}`"), expected).into())

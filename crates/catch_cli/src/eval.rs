@@ -5,6 +5,7 @@ use std::{
     io,
     num::NonZero,
     path::{Path, PathBuf},
+    sync::Arc,
     thread,
     time::Instant,
 };
@@ -38,6 +39,7 @@ use crate::{
     calibrate::{self, CameraDocument},
     place_cameras::RigDocument,
     screen::{self, FAINT, STRONG},
+    watch::{self, Watch},
 };
 
 /// Name of the file with the wall times of the stages.
@@ -71,6 +73,9 @@ pub struct EvalArguments {
     /// Folder for the results [default: out/eval]
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
+    /// Open a page that follows the run, on this machine only
+    #[arg(long)]
+    pub(super) watch: bool,
     /// Go on with the results that are in the folder
     #[arg(long)]
     pub(super) resume: bool,
@@ -183,7 +188,11 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     }
     let rig = score.map(|it| RigDocument::of(&setup.scenario.flight_rig, &it));
     let pace = Pace::from(arguments);
-    let done = complete(&evaluation, folder, pace, "trials")?;
+    let watch = Watch::start(arguments.watch, &format!("Scenario {}", setup.scenario.name), evaluation.len())?;
+    let done = complete(&evaluation, folder, pace, watch.as_ref())?;
+    if let Some(watch) = watch {
+        watch.end();
+    }
     let Done { rows, timed, stopwatch } = &done;
 
     let wall_s = started.elapsed().as_secs_f64();
@@ -221,8 +230,7 @@ pub struct Done {
     pub stopwatch: Stopwatch,
 }
 
-/// Goes on with the results in a folder until all trials are done, or begins with them; `things` are what its
-/// progress counts.
+/// Goes on with the results in a folder until all trials are done, or begins with them.
 ///
 /// # Errors
 /// A folder with results of something else, or one that cannot be written.
@@ -230,7 +238,7 @@ pub fn complete(
     evaluation: &Evaluation,
     folder: &Path,
     Pace { resume, threads }: Pace,
-    things: &str,
+    watch: Option<&Watch>,
 ) -> Result<Done, InputError> {
     let (mut results, mut rows) = Results::open(folder, evaluation, resume)?;
     let done_before = rows.len();
@@ -239,15 +247,23 @@ pub fn complete(
     for cell in &evaluation.cells {
         calibrate::cameras(&cell.setup, evaluation.seed);
     }
-    let bar = screen::progress_bar(evaluation.len(), things);
+    let bar = screen::progress_bar(evaluation.len(), "trials");
     bar.set_position(done_before as u64);
     bar.reset_eta();
+    let setups: Vec<Arc<Setup>> =
+        watch.iter().flat_map(|_| &evaluation.cells).map(|it| Arc::new(it.setup.clone())).collect();
     evaluation.run(done_before, threads, &mut |row, times| {
         results.add(&row)?;
         stopwatch.merge(times);
         caught += usize::from(row.verdict.caught);
         bar.inc(1);
         bar.set_message(format!("{caught} caught"));
+        let is_of =
+            |it: &&Arc<Setup>| (&it.scenario.object, &it.scenario.throw) == (&row.scene.object, &row.scene.throw);
+        if let Some((watch, setup)) = watch.zip(setups.iter().find(is_of)) {
+            let (setup, seed, index) = (setup.clone(), row.scene.seed, row.scene.index);
+            watch.thrown(&row.scene, row.verdict.reason, move || watch::again(&setup, seed, index));
+        }
         rows.push(row);
         Ok(())
     })?;

@@ -39,6 +39,7 @@ mod replay;
 mod robot;
 mod screen;
 mod view;
+mod watch;
 
 use std::{io, path::PathBuf, process::ExitCode, sync::LazyLock};
 
@@ -122,7 +123,11 @@ enum Command {
     Check(check::CheckArguments),
     /// Catches with a real arm, through the driver that a cell's file names
     Drive(drive::DriveArguments),
-    /// Measures the links to a real arm and its cameras: jitter, losses, latency, clocks
+    /// Measures the links to a real arm and its cameras, and predicts its catch rate
+    ///
+    /// For ten seconds the driver holds the arm. It measures jitter, losses, latency and clock drift, and the
+    /// cameras' rates and depth noise. Then the arena throws with these figures: at the cell's `speed_scaling`,
+    /// and at full speed.
     Doctor(doctor::DoctorArguments),
 }
 

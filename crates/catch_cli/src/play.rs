@@ -1,6 +1,6 @@
 //! `catchingbot play`: many throws in one life.
 
-use std::{fmt::Write as _, path::PathBuf};
+use std::{fmt::Write as _, path::PathBuf, sync::Arc};
 
 use catch_body::InputError;
 use catch_body::statistics::wilson95;
@@ -18,7 +18,10 @@ use comfy_table::{CellAlignment, Table, presets::NOTHING};
 use serde::Serialize;
 
 use super::{ChoiceArguments, MOST, whole};
-use crate::{calibrate, screen};
+use crate::{
+    calibrate, screen,
+    watch::{self, Watch},
+};
 
 /// Arguments of `play`.
 #[derive(Debug, Args)]
@@ -43,6 +46,9 @@ pub struct PlayArguments {
     /// Throw each one alone as well, as `eval` does, and tell both rates
     #[arg(long)]
     compare: bool,
+    /// Open a page that follows the run, on this machine only; it shows each throw alone
+    #[arg(long)]
+    watch: bool,
     /// Print one JSON document instead of the table
     #[arg(long)]
     json: bool,
@@ -99,14 +105,25 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     let play = Play { setups, throws: arguments.trials, every_s: arguments.every, seed: arguments.seed };
     whole_file::check_new(&arguments.html, "--html")?;
     calibrate::before_throws(&play.setups[0], arguments.seed, !arguments.json)?;
+    let setups: Vec<Arc<Setup>> =
+        play.setups.iter().filter(|_| arguments.watch).map(|it| Arc::new(it.clone())).collect();
+    let watch = Watch::start(arguments.watch, "Many throws in one life", arguments.trials as usize)?;
     let bar = screen::progress_bar(arguments.trials as usize, "throws");
     let mut caught = 0;
     let life = play.run(&mut |row| {
         caught += usize::from(row.row.verdict.caught);
         bar.set_message(format!("{caught} caught"));
         bar.inc(1);
+        let Row { scene, verdict, .. } = &row.row;
+        if let Some((watch, setup)) = watch.as_ref().zip(setups.get(play.object(scene.index))) {
+            let (setup, seed, index) = (setup.clone(), scene.seed, scene.index);
+            watch.thrown(scene, verdict.reason, move || watch::again(&setup, seed, index));
+        }
     })?;
     bar.finish_and_clear();
+    if let Some(watch) = watch {
+        watch.end();
+    }
     let alone = arguments.compare.then(|| alone(&play, life.rows.len()));
     if let Some(path) = &arguments.html {
         whole_file::write_new(&[(path.clone(), page(&life).into_bytes())], "--html")?;

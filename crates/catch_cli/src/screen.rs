@@ -144,6 +144,12 @@ pub fn spinner(what: &str) -> ProgressBar {
     bar
 }
 
+/// Says something that is no result, on standard error.
+pub fn note(text: &str) {
+    // Nobody is left to be told that it cannot be written.
+    let _ = writeln!(anstream::stderr().lock(), "{}", harmless(text));
+}
+
 /// Says what went wrong, on standard error.
 pub fn error(message: &str) {
     // Nobody is left to be told if this fails.

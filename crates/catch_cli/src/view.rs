@@ -2,7 +2,9 @@
 
 use std::{
     collections::BTreeMap,
-    env, fs,
+    env,
+    ffi::OsStr,
+    fs,
     path::{Path, PathBuf},
     process::{Command, Stdio},
 };
@@ -14,11 +16,14 @@ use catch_recording::{
     whole_file::{self, COMMAND_LINE, make_writable},
 };
 use catch_view::{
-    export::{mcap_file, urdf},
+    export::{
+        mcap_file::{self, Images, LAYOUT},
+        urdf,
+    },
     pages::{catch_page, pair_page},
     playback::Playback,
 };
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use crate::{compare, screen};
 
@@ -42,21 +47,31 @@ pub struct ViewArguments {
     files: FileArguments,
 }
 
+/// Depth images of an MCAP file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ImagesArgument {
+    /// As many as fit into 3 MB
+    Some,
+    /// All
+    All,
+}
+
 /// Further files that are written beside a recording.
 #[derive(Debug, Args)]
 pub struct FileArguments {
     /// Write a small moving picture, if the program was built with `--features gif`
     #[arg(long)]
     gif: bool,
-    /// Write an MCAP file for Foxglove or Rerun, and the robot's URDF beside it
-    #[arg(long)]
-    mcap: bool,
+    /// Write an MCAP file for Foxglove or Rerun, and beside it the robot's URDF and a layout for Foxglove; it
+    /// has as many depth images as fit into 3 MB, or all of them
+    #[arg(long, value_name = "IMAGES", num_args = 0..=1, require_equals = true, default_missing_value = "some")]
+    mcap: Option<ImagesArgument>,
 }
 
 impl FileArguments {
     /// Returns whether any file is asked for.
     pub fn any(&self) -> bool {
-        self.gif || self.mcap
+        self.gif || self.mcap.is_some()
     }
 
     /// Writes what was asked for beside a file, which need not exist; returns the files by their kinds.
@@ -74,8 +89,16 @@ impl FileArguments {
         if self.gif {
             write("picture", "gif", &gif(playback)?)?;
         }
-        if self.mcap {
-            write("mcap", "mcap", &mcap_file::mcap(playback)?)?;
+        if let Some(images) = self.mcap {
+            let images = if images == ImagesArgument::All { Images::All } else { Images::Some };
+            let (content, images_every) = mcap_file::mcap(playback, images)?;
+            write("mcap", "mcap", &content)?;
+            write("layout", "foxglove.json", LAYOUT.as_bytes())?;
+            if images_every > 1 {
+                screen::note(&format!(
+                    "The MCAP file has the images of one tick in {images_every}, which keeps it small; --mcap=all writes all."
+                ));
+            }
             let urdf = urdf::with_visuals(&playback.header.cell.sources.robot_urdf, &playback.robot);
             write("urdf", "urdf", urdf.as_bytes())?;
         }
@@ -135,8 +158,15 @@ pub fn show(page: &Path) -> anyhow::Result<()> {
     Ok(screen::line(&page.display().to_string())?)
 }
 
+/// Shows an address in a browser, if there is a display.
+pub fn open_address(address: &str) {
+    if has_display() {
+        open_with(OsStr::new(address));
+    }
+}
+
 /// Returns whether a browser has a display.
-fn has_display() -> bool {
+pub fn has_display() -> bool {
     let is_set = |name: &str| env::var_os(name).is_some_and(|it| !it.is_empty());
     !cfg!(all(unix, not(target_os = "macos")))
         || ["DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME"].into_iter().any(is_set)
@@ -203,6 +233,10 @@ pub fn write_page(recording: &Path, playback: &Playback) -> anyhow::Result<PathB
 fn open(page: &Path) -> bool {
     // An absolute path cannot be taken for an option.
     let page = fs::canonicalize(page).unwrap_or_else(|_| page.to_owned());
+    open_with(page.as_os_str())
+}
+
+fn open_with(what: &OsStr) -> bool {
     let openers: &[&[&str]] = if cfg!(target_os = "macos") {
         &[&["open"]]
     } else if cfg!(target_os = "windows") {
@@ -213,7 +247,7 @@ fn open(page: &Path) -> bool {
     let quiet = |opener: &&[&str]| {
         let [program, options @ ..] = opener else { return false };
         let mut command = Command::new(program);
-        command.args(options).arg(&page).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command.args(options).arg(what).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         command.spawn().is_ok()
     };
     openers.iter().any(quiet)

@@ -169,14 +169,15 @@ def main() -> None:
     parser.add_argument("--open", type=int, default=10, help="throws of each object in `paper`, near and far, and in `honest`, open loop")
     parser.add_argument("--friction", type=int, default=0, help="throws of each object with less friction")
     parser.add_argument("--arms", type=int, default=0, help="throws of each object with each of two other arms")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, nargs="+", default=[1], help="seeds, each with so many throws; tables count all of them")
     parser.add_argument("--kept", type=Path, default=ROOT / "target/engines.jsonl", help="throws that are done; those are not thrown again")
     asked = parser.parse_args()
     wanted = [
-        [way, title, thing, asked.seed, index]
+        [way, title, thing, seed, index]
         for title, (option, *_) in CONDITIONS.items()
         for way, count in [("closed", getattr(asked, option)), ("open", asked.open if title in SINGLE else 0)]
         for index in range(count)
+        for seed in asked.seed
         for thing in OBJECTS
     ]
     ends = work_off(asked.kept, wanted)
@@ -184,7 +185,7 @@ def main() -> None:
     differing = [it for it in map(json.loads, ends) if it[0] == "closed" and len({end == "caught" for end in ends[json.dumps(it)][:2]}) > 1]
     touched = work_off(asked.kept, [["touches", *it[1:]] for it in differing])
     differing = [
-        "| " + " | ".join(map(str, [f"{it[1]}, {it[2]}", it[4], *ends[json.dumps(it)], *touched[json.dumps(["touches", *it[1:]])]])) + " |"
+        "| " + " | ".join(map(str, [f"{it[1]}, {it[2]}", f"{it[3]}, {it[4]}", *ends[json.dumps(it)], *touched[json.dumps(["touches", *it[1:]])]])) + " |"
         for it in differing
     ]
     page = PAGE.format(
@@ -198,7 +199,7 @@ def main() -> None:
         mujoco=mujoco.__version__,
         version=cb.__version__,
         machine=f"{platform.machine()}, {os.cpu_count()} cores",
-        arguments=" ".join(f"--{it} {getattr(asked, it)}" for it in ["paper", "honest", "open", "friction", "arms", "seed"]),
+        arguments=" ".join([*(f"--{it} {getattr(asked, it)}" for it in ["paper", "honest", "open", "friction", "arms"]), "--seed", *map(str, asked.seed)]),
     )
     (ROOT / "docs/results/engines.md").write_text(page)
 
@@ -266,7 +267,7 @@ the constructors of the package from arrays. The rest of a tick is the brain and
 
 Closed loop. The last two columns have what touched the object first, and when.
 
-| condition, object | throw | arena | MuJoCo | arena at a quarter of its step | first touch in the arena | in MuJoCo |
+| condition, object | seed, throw | arena | MuJoCo | arena at a quarter of its step | first touch in the arena | in MuJoCo |
 |---|---|---|---|---|---|---|
 {{differing}}
 """

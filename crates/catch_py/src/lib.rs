@@ -27,6 +27,7 @@ mod setup;
 mod steered_arena;
 mod stepping;
 mod trial;
+mod viewing;
 
 use pyo3::prelude::*;
 
@@ -53,6 +54,7 @@ mod _catchingbot {
         steered_arena::SteeredArena,
         stepping::Arena,
         trial::{Trial, trial_from},
+        viewing::viewed,
     };
     use pyo3::prelude::*;
 

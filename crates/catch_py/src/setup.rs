@@ -192,8 +192,9 @@ impl Setup {
         json_dict(py, &drawn)
     }
 
-    /// The scene of a throw as a model of MuJoCo (MJCF), the object just released. Masses are nominal, and
-    /// the cameras stand where their rig has them; `conditions` has what is drawn.
+    /// The scene of a throw as a model of MuJoCo (MJCF), the object just released, with its friction and
+    /// restitution. Masses are nominal, and the cameras stand where their rig has them; `conditions` has what
+    /// is drawn.
     #[pyo3(signature = (seed=Whole::Default(1), index=Whole::Default(0)), text_signature = "($self, seed=1, index=0)")]
     fn mjcf(&self, py: Python<'_>, seed: Whole, index: Whole) -> PyResult<String> {
         self.thrown(py, seed, index, |lab, seed, index| mjcf::scene(lab, seed, index))

@@ -1,7 +1,7 @@
 //! The arena for learned policies: actions are accelerations of the joints, observations are arrays of one
 //! shape.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use catch_bot::{
     CatchingBot,
@@ -16,7 +16,8 @@ use catch_lab::{
     scenario::setup::Setup,
     trial::{Episode, StateSnapshot, stopwatch::Stopwatch},
 };
-use numpy::{PyArray1, PyArrayMethods};
+use catch_view::{playback::MotionSample, shading::Shader, viewpoint::overview};
+use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::{
     exceptions::PyRuntimeError,
     prelude::*,
@@ -29,6 +30,9 @@ use crate::{
     policy_view::{self, SeenArray, View},
     trial::line,
 };
+
+/// Width and height of a picture.
+const PICTURE_PX: [u32; 2] = [480, 360];
 
 /// Sees and predicts, and plans nothing.
 type Eyes = CatchingBot<Box<dyn PoseEstimator + Send>, Box<dyn FlightPredictor + Send>, NoPlanner>;
@@ -47,6 +51,7 @@ pub struct SteeredArena {
     setup: Arc<Setup>,
     scene: (u64, u64),
     view: View,
+    shader: OnceLock<Shader>,
     state: Mutex<Option<State>>,
 }
 
@@ -59,6 +64,8 @@ struct State {
     windows: Option<Vec<PixelWindow>>,
     arm: Box<SteeredArm>,
     row: Option<Row>,
+    /// Where arm and object are.
+    last: Option<MotionSample>,
 }
 
 impl SteeredArena {
@@ -74,10 +81,17 @@ impl SteeredArena {
         let eyes = (view == View::Pose).then(|| Box::new(eyes(setup, seed, index)));
         // Images that nobody looks at are not taken.
         let windows = (view == View::State).then(|| vec![PixelWindow::default(); setup.cameras.len()]);
-        let mut state = State { episode: Some(episode), seen: Vec::new(), eyes, windows, arm, row: None, sensed };
+        let mut state =
+            State { episode: Some(episode), seen: Vec::new(), eyes, windows, arm, row: None, last: None, sensed };
         state.think();
         state.look(setup, view);
-        Ok(Self { setup: setup.clone(), scene: (seed, index), view, state: Mutex::new(Some(state)) })
+        Ok(Self {
+            setup: setup.clone(),
+            scene: (seed, index),
+            view,
+            shader: OnceLock::new(),
+            state: Mutex::new(Some(state)),
+        })
     }
 
     fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut State) -> PyResult<T> + Send) -> PyResult<T> {
@@ -130,6 +144,7 @@ impl State {
     /// The arrays of what was sensed.
     fn look(&mut self, setup: &Setup, view: View) {
         let Self { sensed, episode, eyes, .. } = self;
+        self.last = episode.as_ref().and_then(|it| it.truth().samples.last()).map(MotionSample::from);
         let seen = match view {
             View::State => {
                 let last = episode.as_ref().and_then(|it| it.truth().samples.last());
@@ -173,6 +188,19 @@ impl SteeredArena {
             arrays.set_item(name, PyArray1::from_vec(py, values).reshape(shape)?)?;
         }
         Ok(arrays)
+    }
+
+    /// A picture of arm and object: rows of red, green and blue.
+    #[getter]
+    fn picture<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        let Setup { robot, gripper, object, .. } = &*self.setup;
+        let pixels = self.with(py, |state| {
+            let shader = self.shader.get_or_init(|| Shader::new(robot, gripper, Some(&object.mesh)));
+            let sample = state.last.as_ref().ok_or_else(|| PyRuntimeError::new_err("arena: nothing moved yet"))?;
+            Ok(shader.image(&overview(robot, PICTURE_PX), sample, &[]))
+        })?;
+        let bytes = pixels.iter().flatten().map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
+        PyArray1::from_vec(py, bytes).reshape([PICTURE_PX[1] as usize, PICTURE_PX[0] as usize, 3])
     }
 
     /// The row of this throw in an evaluation, once it is done.

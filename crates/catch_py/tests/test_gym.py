@@ -17,8 +17,27 @@ from catchingbot.gym import ID, CatchVectorEnv  # noqa: E402
 def test_the_environment_is_one(obs):
     env = gymnasium.make(ID, scenario="paper", obs=obs, object="banana", throw="near_sampled")
     check_env(env.unwrapped, skip_render_check=True)
+    assert all(np.isfinite(it.low).all() and np.isfinite(it.high).all() for it in env.observation_space.values())
     env.close()
     env.close()
+
+
+def test_pictures_show_what_moves():
+    env = gymnasium.make(ID, scenario="paper", render_mode="rgb_array", disable_env_checker=True)
+    env.reset(seed=1)
+    first = env.render()
+    assert first.shape == (360, 480, 3) and first.dtype == np.uint8
+    for _ in range(30):
+        env.step(np.ones(env.action_space.shape, np.float32))
+    changed = (np.abs(env.render().astype(int) - first).max(axis=2) > 30).sum()
+    assert 200 < changed < first.size / 10
+    env.close()
+    batch = CatchVectorEnv(2, scenario="paper", render_mode="rgb_array")
+    batch.reset(seed=1)
+    assert [it.shape for it in batch.render()] == [(360, 480, 3)] * 2
+    batch.close()
+    with pytest.raises(ValueError, match="render_mode: found 'ansi', expected None or one of rgb_array, human"):
+        gymnasium.make(ID, scenario="paper", render_mode="ansi", disable_env_checker=True)
 
 
 def test_images_have_zeros_where_there_is_no_depth():

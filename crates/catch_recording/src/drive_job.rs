@@ -15,6 +15,8 @@ use crate::{recording::RecordedCell, whole_file};
 /// A driver's task.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DriveJob {
+    /// The cell's file, as errors name it.
+    pub file: String,
     /// Links to the devices, and the bounds of the motion.
     pub links: CellFile,
     /// Cell that the brain is made from.

@@ -8,5 +8,6 @@ pub mod export;
 pub mod pages;
 pub mod playback;
 pub mod points;
+pub mod shading;
 pub mod surfaces;
 pub mod viewpoint;

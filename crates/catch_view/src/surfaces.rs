@@ -1,10 +1,19 @@
 //! The surfaces that pictures of a throw show, each in the frame that moves it.
+//!
+//! Where a file brings a visual shape, it is shown. Of built-in arms, hands and objects only what they touch
+//! with is known; their look is derived from it.
 
-use catch_body::{Gripper, Robot, TriangleMesh};
+mod arm;
+mod hand;
+pub mod paint;
+mod thing;
+
+use catch_body::{Gripper, Pose, Robot, TriangleMesh};
+use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use serde::Serialize;
 
-/// Flat strips around the capsules of links without a visual shape.
-const SEGMENTS: u32 = 24;
+use paint::{Colour, SHELL, SURROUNDINGS};
+
 /// A surface with more triangles is thinned: more would only make files large.
 const MOST_TRIANGLES: usize = 4_000;
 
@@ -14,10 +23,12 @@ pub struct Surface {
     /// Part that the surface belongs to.
     pub of: Part,
     /// The number of the arm's link whose frame it is in; the gripper's parts are in G, the right finger
-    /// around its own centre.
+    /// around its own centre. The left finger is the same one after half a turn about y.
     pub link: usize,
     /// Triangles of the surface.
     pub mesh: TriangleMesh,
+    /// Colour of the surface.
+    pub colour: Colour,
 }
 
 /// Part that a surface belongs to.
@@ -38,22 +49,39 @@ pub enum Part {
 
 /// Arm, gripper, obstacles and, where its surface is known, object.
 pub fn surfaces(robot: &Robot, gripper: &Gripper, object: Option<&TriangleMesh>) -> Vec<Surface> {
-    let links = (0..=robot.dof()).map(|link| (link, robot.link_surface(link, SEGMENTS)));
-    let mut surfaces: Vec<Surface> = links
-        .filter(|(_, mesh)| !mesh.triangles.is_empty())
-        .map(|(link, mesh)| Surface { of: Part::Link, link, mesh })
-        .collect();
-    let [housing, finger] = gripper.surfaces();
-    let mut add = |of, mesh| surfaces.push(Surface { of, link: 0, mesh });
-    add(Part::Housing, housing);
-    add(Part::Finger, finger);
-    for obstacle in &robot.obstacles {
-        add(Part::Obstacle, obstacle.mesh());
+    let mut surfaces: Vec<Surface> = Vec::new();
+    let mut add = |of, link, mesh: TriangleMesh, colour| {
+        // What moves together and looks the same is one surface.
+        match surfaces.iter_mut().find(|it| (it.of, it.link, it.colour) == (of, link, colour) && of == Part::Link) {
+            Some(same) => same.mesh.merge(&mesh),
+            None => surfaces.push(Surface { of, link, mesh, colour }),
+        }
+    };
+    for (link, visual) in &robot.visuals {
+        if let Some(mesh) = visual.mesh() {
+            add(Part::Link, *link, mesh.clone(), SHELL);
+        }
     }
-    if let Some(mesh) = object {
-        add(Part::Object, thinned(mesh));
+    for (link, mesh, colour) in arm::pieces(robot, gripper) {
+        add(Part::Link, link, mesh, colour);
+    }
+    let hand = [(Part::Housing, hand::housing(gripper)), (Part::Finger, hand::finger(gripper))];
+    for (of, (mesh, colour)) in hand.into_iter().flat_map(|(of, pieces)| pieces.into_iter().map(move |it| (of, it))) {
+        add(of, 0, mesh, colour);
+    }
+    for obstacle in &robot.obstacles {
+        add(Part::Obstacle, 0, obstacle.mesh(), SURROUNDINGS);
+    }
+    for (mesh, colour) in object.map(thinned).iter().flat_map(thing::pieces) {
+        add(Part::Object, 0, mesh, colour);
     }
     surfaces
+}
+
+/// Poses in G of the left and the right finger's surface at an opening of `width_m`.
+pub fn finger_poses(gripper: &Gripper, width_m: f64) -> [Pose; 2] {
+    let [left, right] = gripper.fingers(width_m).map(|it| Pose::from(Translation3::from(it.centre.coords)));
+    [left * UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::PI), right]
 }
 
 /// The mesh with so few triangles that pages stay small.

@@ -5,7 +5,7 @@
 //! so they weigh less than hand and object, which hide each other.
 
 use catch_body::{
-    Pose,
+    Pose, Robot,
     ray_cast::{ArmSurface, RayCaster, SurfacePart},
 };
 use catch_cell::{CameraModel, sight::Sight};
@@ -73,10 +73,10 @@ impl Viewpoint {
     }
 
     /// A camera that shows a ball around `centre` from here.
-    pub fn around(&self, centre: &Point3<f64>, radius_m: f64, size_px: u32) -> CameraModel {
+    pub fn around(&self, centre: &Point3<f64>, radius_m: f64, [width_px, height_px]: [u32; 2]) -> CameraModel {
         let distance_m = radius_m / libm::tan(VIEW_RAD / 2.0);
         let X_WC = looking(&(centre + self.away() * distance_m), &-self.away());
-        CameraModel::with_field_of_view(X_WC, size_px, size_px, VIEW_RAD)
+        CameraModel::with_field_of_view(X_WC, width_px, height_px, VIEW_RAD)
     }
 }
 
@@ -138,7 +138,7 @@ impl<'a> CatchScene<'a> {
         let (centre, shown_m) = self.focus();
         let across = self.sample.X_WG.rotation * Vector3::z();
         let mut view = best(&CLOSE_UP_RAD, |view| {
-            let eye = view.around(&centre, shown_m, LOOK_PX).X_WC.translation.vector.into();
+            let eye = view.around(&centre, shown_m, [LOOK_PX; 2]).X_WC.translation.vector.into();
             (self.seen_from(&eye, LOOK_PX), ACROSS_HAND * view.away().dot(&across).abs())
         });
         // A small object is shown from nearer.
@@ -232,6 +232,15 @@ pub fn between(playback: &Playback, sample: &MotionSample, radius_m: f64) -> (Po
     let away = sample.X_WO.map_or_else(Vector3::zeros, |X_WO| X_WO.translation.vector - hand.coords);
     let gap_m = (away.norm() / 2.0).min(4.0 * radius_m);
     (hand + away.cap_magnitude(gap_m), radius_m + gap_m)
+}
+
+/// A camera that shows an arm with the room around it, from before it.
+pub fn overview(robot: &Robot, [width_px, height_px]: [u32; 2]) -> CameraModel {
+    let reach_m = robot.length_m();
+    let view = Viewpoint { azimuth_rad: 0.7, elevation_rad: 0.3, radius_m: 1.25 * reach_m, seen: Seen::default() };
+    let centre = Point3::from(robot.X_WB.translation.vector + Vector3::z() * 0.6 * reach_m);
+    let X_WC = looking(&(centre + view.away() * view.radius_m / libm::tan(VIEW_RAD / 2.0)), &-view.away());
+    CameraModel::with_field_of_view(X_WC, width_px, height_px, VIEW_RAD)
 }
 
 /// The viewpoint of a ring whose look and bonus are worth most.

@@ -10,6 +10,7 @@ import socket
 import catchingbot as cb
 from franka_sim.gripper import protocol
 from franka_sim.gripper.protocol import GripperCommand, GripperStatus
+from protocol import Alive
 
 # Time after which fingers that stand have ended their move: the latency and two cycles.
 SETTLED_S = 0.06
@@ -23,7 +24,7 @@ class Hand:
         self.fingers, self.interval_s = fingers, 1 / state_rate_hz
         self.listener = socket.create_server(("127.0.0.1", port))
         self.listener.setblocking(False)
-        self.states = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.states = Alive(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         self.client, self.udp, self.bytes = None, None, b""
         self.running, self.is_grasped, self.next_s, self.sent = None, False, 0.0, 0
 

@@ -1,12 +1,15 @@
 """The server of franka-sim in lock-step with its client: each answered state is one step of physics."""
 
+import threading
 import time
 
 from franka_sim.franka_sim_server import FrankaSimServer
 from franka_sim.mujoco_franka_sim import MujocoFrankaSim
 
 # Longest wait for an answer, in seconds: whoever takes longer is dead.
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
+# Time in seconds after which a state is repeated: clients take a device for dead that tells nothing for a second.
+REPEAT_S = 0.3
 
 
 class Arm(MujocoFrankaSim):
@@ -16,16 +19,38 @@ class Arm(MujocoFrankaSim):
             time.sleep(0.05)
 
 
-class Lossy:
-    """The socket of commands. Of `lose` commands `together` are lost: read and forgotten. Or, once, the link holds
-    `late` of them after so many, and lets them through with the next one, in order."""
+class Alive:
+    """A socket of states. As long as the next one takes, the last is repeated: clients forget a number that they know."""
 
-    def __init__(self, socket, lose, together, late):
-        self.socket, self.lose, self.together, self.late = socket, lose, together, late
-        self.count, self.lost, self.held, self.again = 0, False, [], []
+    def __init__(self, socket):
+        self.socket, self.last, self.sent_s = socket, None, 0.0
+        threading.Thread(target=self.repeat, daemon=True).start()
 
     def __getattr__(self, name):
         return getattr(self.socket, name)
+
+    def sendto(self, data, address):
+        self.last, self.sent_s = (data, address), time.monotonic()
+        return self.socket.sendto(data, address)
+
+    def repeat(self):
+        while self.socket.fileno() >= 0:
+            time.sleep(REPEAT_S / 3)
+            if self.last and time.monotonic() > self.sent_s + REPEAT_S:
+                try:
+                    self.socket.sendto(*self.last)
+                except OSError:
+                    return
+
+
+class Lossy(Alive):
+    """The socket of states and commands. Of `lose` commands `together` are lost: read and forgotten. Or, once, the link holds
+    `late` of them after so many, and lets them through with the next one, in order."""
+
+    def __init__(self, socket, lose, together, late):
+        self.lose, self.together, self.late = lose, together, late
+        self.count, self.lost, self.held, self.again = 0, False, [], []
+        super().__init__(socket)
 
     def recvfrom(self, size):
         data, address = self.socket.recvfrom(size)

@@ -19,7 +19,7 @@ import mujoco
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path += [str(HERE.parent / "cameras"), str(HERE.parents[2] / "examples/mujoco_cell")]
+sys.path += [str(HERE.parents[1] / "cameras"), str(HERE.parents[2] / "examples/mujoco_cell")]
 
 import catchingbot as cb
 from cell import TICK_S, MujocoCell

@@ -1,21 +1,54 @@
-//! Driver of the arms of Franka Robotics: a [`Cell`](catch_cell::Cell) on the control interface of FR3
-//! (protocol 10) and Panda (protocol 5), with the Franka Hand.
+//! Driver of the arms of Franka Robotics: FR3 (protocol 10) and Panda (protocol 5), with the Franka Hand.
 //!
 //! A thread of its own answers each state of the robot within its millisecond ([`control`]) by the set-point
-//! that [`setpoint::Cycle`] computes. Plans are checked in the brain's thread ([`cell`]). All times are
-//! seconds on the robot's clock since the motion began.
+//! that [`setpoint::Cycle`] computes. Plans are checked in the brain's thread.
 
-pub mod camera_socket;
-pub mod cell;
-pub mod clock;
 pub mod control;
-pub mod depth_noise;
-pub mod doctor;
-pub mod drive;
-pub mod dry_run;
-pub mod enabling_key;
-pub mod hand;
+pub mod franka_hand;
 pub mod margin;
-pub mod motion;
-pub mod safe_box;
 pub mod setpoint;
+
+use std::sync::Arc;
+
+use anyhow::Context;
+use catch_body::Robot as Arm;
+use catch_driver::{
+    clock::Clock,
+    control::Control,
+    drive::{ConnectFingers, Driver},
+    dry_run::NextState,
+    enabling_key::EnablingKey,
+    wsg50,
+};
+use catch_recording::drive_job::DriveJob;
+use franka::{RealtimeConfig, Robot};
+
+/// The driver.
+#[derive(Debug)]
+pub struct Franka;
+
+impl Driver for Franka {
+    const HANDS: &'static [(&'static str, ConnectFingers)] =
+        &[("franka_hand", franka_hand::connect), ("wsg50", wsg50::connect)];
+
+    fn margin(longest_run: u64) -> Option<f64> {
+        margin::acceleration_ratio(longest_run)
+    }
+
+    fn hold(job: &DriveJob, arm: &Arm, key: &EnablingKey) -> anyhow::Result<Control> {
+        let robot = connect(job)?;
+        // It clears what made the robot stop before, and does nothing else.
+        let _ = robot.automatic_error_recovery();
+        Ok(control::begin(Arc::new(robot), arm.clone(), key.clone(), Clock::Host))
+    }
+
+    fn watch(job: &DriveJob, _: &Arm) -> anyhow::Result<NextState> {
+        let robot = connect(job)?;
+        Ok(Box::new(move || robot.read_once().map(drop).map_err(|fault| fault.to_string())))
+    }
+}
+
+fn connect(job: &DriveJob) -> anyhow::Result<Robot> {
+    let address = &job.links.arm.address;
+    Robot::new(address, RealtimeConfig::Ignore).with_context(|| format!("the arm at {address}"))
+}

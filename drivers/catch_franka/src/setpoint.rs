@@ -7,16 +7,11 @@
 
 use catch_body::{JointVector, Robot};
 use catch_cell::{ArmTrajectory, Executor, ExecutorConfig, LimitCheck};
+use catch_driver::braking::{CYCLE_S, Executed, brake};
 
-/// Duration of a cycle in seconds.
-pub const CYCLE_S: f64 = 1e-3;
 /// Fraction of the limits that a way back to the plan may use: echoes are of single precision, which makes
 /// up to 300 rad/s³ of jerk.
 const REJOIN_RATIO: f64 = 0.94;
-/// Fraction of the limits that braking uses.
-const BRAKE_RATIO: f64 = 0.9;
-/// Rate of the last decay of the velocity while braking, in 1/s.
-const BRAKE_RATE: f64 = 100.0;
 /// Numbers of cycles that a way back may take.
 const REJOIN_CYCLES: [usize; 14] = [1, 2, 3, 4, 5, 6, 8, 10, 13, 18, 25, 35, 50, 70];
 /// Deviations from the plan in radians that need no way back: rounding.
@@ -25,65 +20,6 @@ const ROUNDING_RAD: f64 = 1e-12;
 const ECHO_RAD: f64 = 1e-11;
 /// Explanations of the echoes that are kept: two for each of the last three cycles.
 const MOST_BELIEFS: usize = 8;
-/// Velocity in rad/s and acceleration in rad/s² below which a joint stands.
-const AT_REST: [f64; 2] = [1e-6, 2e-3];
-
-/// The last three set-points that the controller executed, the newest first.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Executed([JointVector; 3]);
-
-impl Executed {
-    /// An arm that is held at `q`.
-    pub fn at_rest(q: JointVector) -> Self {
-        Self([q; 3])
-    }
-
-    /// Set-point that the controller executes without an answer: constant acceleration.
-    pub fn extrapolated(&self) -> JointVector {
-        let [q, before, earlier] = self.0;
-        (q - before) * 3.0 + earlier
-    }
-
-    /// The set-points one cycle later.
-    #[must_use]
-    pub fn then(&self, q: JointVector) -> Self {
-        Self([q, self.0[0], self.0[1]])
-    }
-
-    /// The newest set-point.
-    pub fn q(&self) -> JointVector {
-        self.0[0]
-    }
-
-    /// Velocity by the last difference, in rad/s.
-    pub fn dq(&self) -> JointVector {
-        (self.0[0] - self.0[1]) / CYCLE_S
-    }
-
-    /// Acceleration by the last two differences, in rad/s².
-    pub fn ddq(&self) -> JointVector {
-        (self.0[0] - self.0[1] * 2.0 + self.0[2]) / (CYCLE_S * CYCLE_S)
-    }
-
-    /// Returns whether the arm stands.
-    pub fn is_at_rest(&self) -> bool {
-        self.dq().amax() < AT_REST[0] && self.ddq().amax() < AT_REST[1]
-    }
-
-    /// The highest ratio of velocity, acceleration and jerk to the limits if `q` is executed next.
-    fn ratio(&self, q: &JointVector, robot: &Robot) -> f64 {
-        let next = self.then(*q);
-        let (dq, ddq) = (next.dq(), next.ddq());
-        let jerk = (ddq - self.ddq()) / CYCLE_S;
-        let of_joint = |i: usize| {
-            let joint = &robot.joints[i];
-            let of_jerk = joint.limits.jerk.map_or(0.0, |most| jerk[i].abs() / most);
-            let of_velocity = dq[i].abs() / joint.max_speed(q[i], dq[i]);
-            of_velocity.max(ddq[i].abs() / joint.limits.acceleration).max(of_jerk)
-        };
-        (0..robot.dof()).map(of_joint).fold(0.0, f64::max)
-    }
-}
 
 /// Set-point of the next cycle, and the number of cycles until the plan is met again.
 ///
@@ -149,25 +85,6 @@ impl Decay {
             newest * ((x + 1.0) * (x + 2.0) / 2.0) - before * (x * (x + 2.0)) + earlier * (x * (x + 1.0) / 2.0);
         parabola * Self::weight(self.cycles, x)
     }
-}
-
-/// Set-point of the next cycle on the way to a stop within the limits of `robot`, joint by joint: the
-/// velocity decays as a critically damped oscillator's, its acceleration and jerk cut.
-pub fn brake(executed: &Executed, robot: &Robot) -> JointVector {
-    if executed.is_at_rest() {
-        return executed.q();
-    }
-    let (dq, ddq) = (executed.dq(), executed.ddq());
-    let mut q = executed.q();
-    for (i, joint) in robot.joints.iter().enumerate() {
-        let most = joint.limits.acceleration * BRAKE_RATIO;
-        let change = joint.limits.jerk.unwrap_or(f64::INFINITY) * BRAKE_RATIO * CYCLE_S;
-        let jerk = -BRAKE_RATE * (BRAKE_RATE * dq[i] + 2.0 * ddq[i]);
-        let wanted = (ddq[i] + jerk * CYCLE_S).clamp(-most, most);
-        let ddq = wanted.clamp(ddq[i] - change, ddq[i] + change);
-        q[i] += (dq[i] + ddq * CYCLE_S) * CYCLE_S;
-    }
-    q
 }
 
 /// What the robot reports at the start of a cycle.
@@ -301,7 +218,7 @@ impl Cycle {
         beliefs.dedup_by_key(|it| it.executed);
         beliefs.truncate(MOST_BELIEFS);
         if let Some(nearest) = nearest.filter(|_| beliefs.is_empty()) {
-            beliefs.push(Belief { executed: nearest.executed.corrected(*echo), ..nearest });
+            beliefs.push(Belief { executed: nearest.executed.moved_to(*echo), ..nearest });
         }
         self.beliefs = beliefs;
     }
@@ -310,13 +227,6 @@ impl Cycle {
 impl Belief {
     fn distance(&self, echo: &JointVector) -> f64 {
         (self.executed.q() - echo).amax()
-    }
-}
-
-impl Executed {
-    /// The same motion, moved to where it is known to be.
-    fn corrected(&self, q: JointVector) -> Self {
-        Self(self.0.map(|it| it + (q - self.0[0])))
     }
 }
 

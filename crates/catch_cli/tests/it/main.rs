@@ -29,6 +29,7 @@ mod system_limits;
 mod texts_of_others;
 mod views;
 mod visual_shapes;
+mod watch;
 mod wrong_input;
 
 use std::process::{Command, Output};

@@ -9,7 +9,10 @@ use std::{
 use base64::{Engine, prelude::BASE64_STANDARD};
 use catch_body::Pose;
 use catch_recording::sources::SourceNames;
-use catch_view::{export::mcap_file, playback::Playback};
+use catch_view::{
+    export::mcap_file::{self, Images},
+    playback::Playback,
+};
 use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion};
 use prost_reflect::{DescriptorPool, DynamicMessage, Kind, SerializeOptions};
 use serde_json::Value;
@@ -149,7 +152,7 @@ fn frames_lead_from_the_world_to_the_hand() {
     let output = catchingbot(&["catch", "--scenario", "paper", "--json", "--out", folder.path().to_str().unwrap()]);
     let document: Value = serde_json::from_str(&stdout(&output)).unwrap();
     let playback = Playback::read(Path::new(document["recording"].as_str().unwrap())).unwrap();
-    let file = mcap_file::mcap(&playback).unwrap();
+    let (file, _) = mcap_file::mcap(&playback, Images::Some).unwrap();
     let message = mcap::MessageStream::new(&file).unwrap().map(Result::unwrap).find(|it| it.channel.topic == "/tf");
     let content = decode(&message.unwrap());
     let frames: BTreeMap<&str, &Value> = content["transforms"]
@@ -241,7 +244,9 @@ fn the_file_tells_the_recorded_motion() {
     let output = catchingbot(&["catch", "--scenario", "paper", "--json", "--out", folder.path().to_str().unwrap()]);
     let document: Value = serde_json::from_str(&stdout(&output)).unwrap();
     let playback = Playback::read(Path::new(document["recording"].as_str().unwrap())).unwrap();
-    let file = mcap_file::mcap(&playback).unwrap();
+    let (file, images_every) = mcap_file::mcap(&playback, Images::Some).unwrap();
+    let (whole, every_one) = mcap_file::mcap(&playback, Images::All).unwrap();
+    assert!(images_every > every_one && every_one == 1 && whole.len() > file.len(), "{images_every}");
     let mut compared = 0;
     for message in mcap::MessageStream::new(&file).unwrap().map(Result::unwrap) {
         if message.channel.topic == "/joint_states" {

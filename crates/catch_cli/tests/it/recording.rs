@@ -4,7 +4,10 @@ use std::{fs, path::Path};
 
 use catch_lab::recording::replay;
 use catch_recording::{RecordingReader, replay::compare};
-use catch_view::{export::mcap_file, playback::Playback};
+use catch_view::{
+    export::mcap_file::{self, Images},
+    playback::Playback,
+};
 use serde_json::Value;
 
 use crate::{catchingbot, stderr, stdout};
@@ -56,7 +59,7 @@ fn a_recording_without_ground_truth_is_viewed_replayed_and_converted() {
 
     let file = fs::read(recording.with_extension("mcap")).unwrap();
     let playback = Playback::read(&recording).unwrap();
-    assert_eq!(file, mcap_file::mcap(&playback).unwrap());
+    assert_eq!(file, mcap_file::mcap(&playback, Images::Some).unwrap().0);
     let topics: Vec<String> =
         mcap::MessageStream::new(&file).unwrap().map(|message| message.unwrap().channel.topic.clone()).collect();
     assert_eq!(topics.iter().filter(|topic| *topic == "/joint_states").count(), playback.ticks.len());

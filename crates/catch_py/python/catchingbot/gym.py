@@ -42,6 +42,7 @@ class _Throws:
         self.setup, self.step, self.first, self.kinds = setup, step, first, kinds
         self.seed, self.index = 1, first
         self.arena: SteeredArena | None = None
+        self.bounds: dict[str, spaces.Box] = {}
         self.is_done = True
 
     def begin(self, seed: int | None = None, first: int | None = None) -> Arrays:
@@ -52,17 +53,28 @@ class _Throws:
             self.index = first + self.first
         self.close()
         self.arena = self.setup.steered_arena(self.seed, self.index, **self.kinds)
+        self.bounds = self.bounds or {name: _box(self.setup, name, it.shape) for name, it in self.arena.observation.items()}
         self.scene = {"seed": self.seed, "index": self.index}
         self.index += self.step
         self.is_done = False
-        return self.arena.observation
+        return self.observation()
+
+    def observation(self) -> Arrays:
+        """What the arena shows, within its bounds."""
+        assert self.arena is not None
+        return {name: np.clip(it, self.bounds[name].low, self.bounds[name].high) for name, it in self.arena.observation.items()}
+
+    def picture(self) -> np.ndarray:
+        if self.arena is None:
+            raise RuntimeError("render: reset() comes first")
+        return self.arena.picture
 
     def act(self, action: np.ndarray) -> tuple[Arrays, float, dict[str, Any]]:
         if self.arena is None or self.is_done:
             raise RuntimeError("step: the throw is done; reset() comes first")
         self.is_done = self.arena.step(action)
         row = self.arena.row if self.is_done else {}
-        return self.arena.observation, float(row.get("caught", False)), self.info(row)
+        return self.observation(), float(row.get("caught", False)), self.info(row)
 
     def info(self, row: Mapping[str, Any] = {}) -> dict[str, Any]:
         return {"is_success": bool(row.get("caught", False)), "reason": row.get("reason") or "", "scene": dict(self.scene)}
@@ -73,12 +85,64 @@ class _Throws:
             self.arena = None
 
 
+# Widest position in metres, speed, turning speed and depth of what is observed; what goes beyond is cut off.
+_REACH_M, _SPEED, _TURNING, _DEPTH_M, _TIME_S = 20.0, 50.0, 500.0, 20.0, 60.0
+
+
+def _box(setup: Setup, name: str, shape: tuple[int, ...]) -> spaces.Box:
+    """Bounds of an observation: of the arm its limits with room for impacts, of the rest what a throw can hold."""
+    if name == "arm":
+        lower, upper, velocity = setup.limits[:3]
+        room = 0.1 * (upper - lower)
+        low = np.concatenate([lower - room, -3.0 * velocity, [0.0, 0.0]])
+        high = np.concatenate([upper + room, 3.0 * velocity, [1.0, _TIME_S]])
+    elif name == "object":
+        high = np.repeat([_REACH_M, 1.0, _SPEED, _TURNING, 1.0], [3, 4, 3, 3, 1])
+        low = np.append(-high[:-1], 0.0)
+    else:
+        most = _DEPTH_M if name == "depth" else _REACH_M
+        low, high = np.full(shape, 0.0 if name == "depth" else -most), np.full(shape, most)
+    return spaces.Box(low.astype(np.float32), high.astype(np.float32), shape, np.float32)
+
+
 def _spaces(setup: Setup, kinds: Mapping[str, str]) -> tuple[spaces.Dict, spaces.Box]:
     arena = setup.steered_arena(**kinds)
-    box = lambda array: spaces.Box(-np.inf, np.inf, array.shape, np.float32)
-    seen = spaces.Dict({name: box(array) for name, array in arena.observation.items()})
+    seen = spaces.Dict({name: _box(setup, name, array.shape) for name, array in arena.observation.items()})
     arena.close()
     return seen, spaces.Box(-1.0, 1.0, (setup.dof + 1,), np.float32)
+
+
+def _checked_mode(mode: str | None, known: Sequence[str]) -> str | None:
+    if mode is not None and mode not in known:
+        raise ValueError(f"render_mode: found {mode!r}, expected None or one of {', '.join(known)}")
+    return mode
+
+
+class _Window:
+    """A window of the desktop that shows pictures."""
+
+    def __init__(self) -> None:
+        import tkinter
+
+        try:
+            self._root = tkinter.Tk()
+        except tkinter.TclError as fault:
+            raise RuntimeError(f"render_mode='human': {fault}; without a display take 'rgb_array'") from fault
+        self._root.title("CatchingBot")
+        self._label = tkinter.Label(self._root)
+        self._label.pack()
+        self._image = tkinter.PhotoImage()
+
+    def show(self, picture: np.ndarray) -> None:
+        import tkinter
+
+        head = f"P6 {picture.shape[1]} {picture.shape[0]} 255 ".encode()
+        self._image = tkinter.PhotoImage(data=head + picture.tobytes(), format="PPM")
+        self._label.configure(image=self._image)
+        self._root.update()
+
+    def close(self) -> None:
+        self._root.destroy()
 
 
 def _checked_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> Mapping[str, Any]:
@@ -92,31 +156,50 @@ def _checked_options(options: Mapping[str, Any] | None, known: Sequence[str]) ->
 class CatchEnv(gymnasium.Env):
     """One arm, successive throws. Keywords besides ``obs`` and ``action`` are those of ``Setup``."""
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
 
-    def __init__(self, obs: str = "state", action: str = "acceleration", render_mode: None = None, **setup: Any) -> None:
+    def __init__(self, obs: str = "state", action: str = "acceleration", render_mode: str | None = None, **setup: Any) -> None:
         self._throws = _Throws(Setup(**setup), 1, 0, obs=obs, action=action)
         self.observation_space, self.action_space = _spaces(self._throws.setup, self._throws.kinds)
-        self.render_mode = render_mode
+        self.render_mode = _checked_mode(render_mode, self.metadata["render_modes"])
+        self._window: _Window | None = None
+
+    def render(self) -> np.ndarray | None:
+        """A picture of arm and object, 480 × 360 pixels; in the mode ``human``, in a window, which ``step`` does by itself."""
+        if self.render_mode is None:
+            return None
+        picture = self._throws.picture()
+        if self.render_mode == "rgb_array":
+            return picture
+        self._window = self._window or _Window()
+        self._window.show(picture)
+        return None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Arrays, dict[str, Any]]:
         """Begins the next throw: with ``seed`` throw 0 of that seed, with ``options={"index": i}`` throw i."""
         super().reset(seed=seed)
         seen = self._throws.begin(seed, _checked_options(options, ["index"]).get("index"))
+        if self.render_mode == "human":
+            self.render()
         return seen, self._throws.info()
 
     def step(self, action: np.ndarray) -> tuple[Arrays, float, bool, bool, dict[str, Any]]:
         seen, reward, info = self._throws.act(action)
+        if self.render_mode == "human":
+            self.render()
         return seen, reward, self._throws.is_done, False, info
 
     def close(self) -> None:
         self._throws.close()
+        if self._window is not None:
+            self._window.close()
+            self._window = None
 
 
 class CatchVectorEnv(VectorEnv):
     """A batch of arms on the threads of one pool. With one seed for all environments, environment i modulo n takes throw i."""
 
-    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+    metadata = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(
         self,
@@ -125,7 +208,7 @@ class CatchVectorEnv(VectorEnv):
         action: str = "acceleration",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
-        render_mode: None = None,
+        render_mode: str | None = None,
         **setup: Any,
     ) -> None:
         if not isinstance(num_envs, int) or num_envs < 1:
@@ -134,7 +217,7 @@ class CatchVectorEnv(VectorEnv):
         self.metadata = {**self.metadata, "autoreset_mode": self._mode}
         shared = Setup(**setup)
         self._throws = [_Throws(shared, num_envs, i, obs=obs, action=action) for i in range(num_envs)]
-        self.num_envs, self.render_mode = num_envs, render_mode
+        self.num_envs, self.render_mode = num_envs, _checked_mode(render_mode, self.metadata["render_modes"])
         self.single_observation_space, self.single_action_space = _spaces(shared, self._throws[0].kinds)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -199,6 +282,10 @@ class CatchVectorEnv(VectorEnv):
         rewards = np.array([it[1] for it in done], dtype=np.float64)
         terminations = np.array([it[3] for it in done], dtype=np.bool_)
         return self._batch(), rewards, terminations, np.zeros(self.num_envs, np.bool_), infos
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """A picture of each arm."""
+        return None if self.render_mode is None else tuple(self._all(lambda i: self._throws[i].picture(), range(self.num_envs)))
 
     def close_extras(self, **_: Any) -> None:
         if self._pool is not None:

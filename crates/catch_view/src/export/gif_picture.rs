@@ -1,13 +1,12 @@
 //! A throw as a small moving picture, for pages that show nothing else.
 //!
 //! The arena's ray caster draws it: arm, gripper and object shaded, their shadows on the floor, the object's
-//! true path behind it and the predicted one before it. Around the contact time passes slower, and a close-up
-//! of hand and object stands in a corner. Without ground truth the arm is as it was sensed, and
-//! object and true path are absent. All images share one palette, and each holds only the rectangle that
-//! changed.
+//! true path behind it and the predicted one before it. Around the contact time passes slower, and hand and
+//! object are seen from near, with arm and flight in a corner. Without ground truth the arm is as it was
+//! sensed, and object and true path are absent. All images share one palette, and each holds only the
+//! rectangle that changed.
 
 mod palette;
-mod shading;
 
 use std::borrow::Cow;
 
@@ -17,17 +16,17 @@ use nalgebra::Point3;
 
 use crate::{
     playback::{MotionSample, Playback},
+    shading::{Line, Shader},
     viewpoint::{CatchScene, Viewpoint, between},
 };
 use palette::{Colour, FRAME, Palette, TRANSPARENT};
-use shading::{Line, Shader};
 
 /// Size in pixels.
 const WIDTH: u16 = 560;
 /// Size in pixels.
 const HEIGHT: u16 = 350;
-/// Width and height of the close-up in pixels, its frame included.
-const INSET: u16 = 190;
+/// Width and height in pixels of the overview beside a close-up, its frame included.
+const INSET: [u16; 2] = [200, 125];
 /// The file is made no larger than this, in bytes: longer steps instead.
 const MOST_BYTES: usize = 400_000;
 /// Duration of an image, in hundredths of a second.
@@ -53,10 +52,13 @@ const PIECE_S: f64 = 0.015;
 /// If it cannot be encoded, which would be a bug.
 pub fn gif(playback: &Playback) -> Result<Vec<u8>, EncodingError> {
     let Some(scene) = CatchScene::new(playback) else { return Ok(Vec::new()) };
+    let object = playback.ground_truth().map(|it| it.surface.mesh());
+    let view = scene.scene();
     let picture = Picture {
         playback,
-        shader: Shader::new(playback),
-        camera: scene.framed(&scene.scene(), [WIDTH, HEIGHT]),
+        shader: Shader::new(&playback.robot, &playback.gripper, object.as_ref()),
+        camera: scene.framed(&view, [WIDTH, HEIGHT]),
+        overview: scene.framed(&view, INSET),
         close_up: scene.close_up(),
         palette: Palette::new(),
     };
@@ -75,6 +77,7 @@ struct Picture<'a> {
     playback: &'a Playback,
     shader: Shader,
     camera: CameraModel,
+    overview: CameraModel,
     close_up: Viewpoint,
     palette: Palette,
 }
@@ -116,32 +119,32 @@ impl Picture<'_> {
         times_s
     }
 
-    /// An image as numbers of the palette's colours.
+    /// An image as numbers of the palette's colours: arm and flight, and around the catch hand and object, with
+    /// arm and flight in a corner.
     fn image(&self, sample: &MotionSample) -> Vec<u8> {
         let lines = lines(self.playback, sample);
-        let mut colours = self.shader.image(&self.camera, sample, &lines);
-        if sample.time_s >= self.playback.flight_end_s() - CLOSE_UP_S {
+        let colours = if sample.time_s < self.playback.flight_end_s() - CLOSE_UP_S {
+            self.shader.image(&self.camera, sample, &lines)
+        } else {
             let (target, radius_m) = between(self.playback, sample, self.close_up.radius_m);
-            let camera = self.close_up.around(&target, radius_m, u32::from(INSET));
-            self.inset(&mut colours, &self.shader.image(&camera, sample, &lines));
-        }
+            let near = self.close_up.around(&target, radius_m, [WIDTH, HEIGHT].map(u32::from));
+            let mut colours = self.shader.image(&near, sample, &lines);
+            inset(&mut colours, &self.shader.image(&self.overview, sample, &lines));
+            colours
+        };
         colours.iter().map(|colour| self.palette.nearest(colour)).collect()
     }
+}
 
-    /// Puts the close-up into the lower corner that is farther from the hand.
-    fn inset(&self, colours: &mut [Colour], close_up: &[Colour]) {
-        let (width, height, size) = (usize::from(WIDTH), usize::from(HEIGHT), usize::from(INSET));
-        let hand = self.playback.motion_at(self.playback.flight_end_s()).map(|it| it.X_WG.translation.vector.into());
-        let seen = hand.and_then(|p_W| self.camera.project(&self.camera.X_WC.inverse_transform_point(&p_W)));
-        let left = if seen.is_some_and(|uv| uv.x < f64::from(WIDTH) / 2.0) { width - size } else { 0 };
-        for (row, pixels) in close_up.chunks(size).enumerate() {
-            let start = (height - size + row) * width + left;
-            colours[start..start + size].copy_from_slice(pixels);
-            colours[start] = FRAME;
-            colours[start + size - 1] = FRAME;
-            if row == 0 || row + 1 == size {
-                colours[start..start + size].fill(FRAME);
-            }
+/// Puts the overview into the lower left corner.
+fn inset(colours: &mut [Colour], overview: &[Colour]) {
+    let (columns, rows) = (usize::from(INSET[0]), usize::from(INSET[1]));
+    for (row, pixels) in overview.chunks(columns).enumerate() {
+        let start = (usize::from(HEIGHT) - rows + row) * usize::from(WIDTH);
+        colours[start..start + columns].copy_from_slice(pixels);
+        colours[start + columns - 1] = FRAME;
+        if row == 0 {
+            colours[start..start + columns].fill(FRAME);
         }
     }
 }

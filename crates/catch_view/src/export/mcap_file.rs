@@ -20,7 +20,7 @@
 //! Arm and object are as they truly were. In a recording without ground truth the arm is as it was sensed,
 //! and torques, `/object/true` and the object's frame and shape are absent.
 //!
-//! Metadata: `recording` (title, version), and of a simulated throw `scene` (object, throw, seed, index),
+//! Metadata: `recording` (title, version, and every how manieth tick's images are in the file), and of a simulated throw `scene` (object, throw, seed, index),
 //! `scenario` (its TOML) and `outcome` (each column of a row of an evaluation, as JSON).
 
 mod messages;
@@ -41,6 +41,7 @@ use super::urdf::base_link;
 use crate::{
     playback::{MotionSample, Playback},
     points::points_of,
+    surfaces::finger_poses,
 };
 use catch_recording::{Header, RecordedTick};
 use messages::{
@@ -56,15 +57,28 @@ const MOST_POINTS: usize = 600;
 /// The frame that Rerun's views start from; without a way to it they show nothing.
 const RERUN_ROOT: &str = "tf#/";
 
-/// The file of a throw.
+/// The file's layout of panels for Foxglove.
+pub const LAYOUT: &str = include_str!("mcap_file/layout.json");
+
+/// Which depth images are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Images {
+    /// Those of every so manieth tick: as many as fit into 3 MB.
+    Some,
+    /// Every one.
+    All,
+}
+
+/// The file of a throw, and every how manieth tick's images are in it.
 ///
 /// # Errors
 /// If it cannot be encoded, which would be a bug.
-pub fn mcap(playback: &Playback) -> Result<Vec<u8>, McapError> {
+pub fn mcap(playback: &Playback, images: Images) -> Result<(Vec<u8>, usize), McapError> {
     let mut file = Cursor::new(Vec::new());
     let mut log =
         Topics { writer: WriteOptions::new().compression(None).create(&mut file)?, channels: BTreeMap::new() };
-    for metadata in metadata(playback) {
+    let images_every = if images == Images::All { 1 } else { images_every(playback) };
+    for metadata in metadata(playback, images_every) {
         log.writer.write_metadata(&metadata)?;
     }
     let links = links(playback);
@@ -74,7 +88,6 @@ pub fn mcap(playback: &Playback) -> Result<Vec<u8>, McapError> {
     let entities = scene::entities(&playback.robot, &links, &playback.gripper, surface.as_ref(), start_s);
     log.write("/scene", start_s, &SceneUpdate { entities })?;
     let mut events = playback.ending.timeline.iter().peekable();
-    let images_every = images_every(playback);
     for (i, tick) in playback.ticks.iter().enumerate() {
         let now_s = tick.observation.time_s;
         while let Some(entry) = events.next_if(|entry| entry.time_s <= now_s) {
@@ -94,15 +107,16 @@ pub fn mcap(playback: &Playback) -> Result<Vec<u8>, McapError> {
     }
     log.writer.finish()?;
     drop(log);
-    Ok(file.into_inner())
+    Ok((file.into_inner(), images_every))
 }
 
 /// Returns the data of the throw as a whole.
-fn metadata(playback: &Playback) -> Vec<Metadata> {
+fn metadata(playback: &Playback, images_every: usize) -> Vec<Metadata> {
     let Header { title, version, simulation, .. } = &playback.header;
     let text = |key: &str, value: &str| (key.to_owned(), value.to_owned());
     let named = |name: &str, metadata: BTreeMap<String, String>| Metadata { name: name.to_owned(), metadata };
-    let mut all = vec![named("recording", [text("title", title), text("version", version)].into())];
+    let images_every = text("images_of_every_nth_tick", &images_every.to_string());
+    let mut all = vec![named("recording", [text("title", title), text("version", version), images_every].into())];
     if let Some(simulation) = simulation {
         all.push(named("scene", fields(&simulation.scene)));
         let toml = toml::to_string(&simulation.scenario).unwrap_or_else(|fault| fault.to_string());
@@ -203,7 +217,7 @@ impl Topics<'_> {
         // Each link in the one before it, as in the URDF, so that both can be shown together.
         let pairs = links.windows(2).enumerate();
         transforms.extend(pairs.map(|(i, pair)| transform(pair[0], pair[1], &(X_WL[i].inverse() * X_WL[i + 1]))));
-        let fingers = scene::FINGERS.into_iter().zip(playback.gripper.finger_poses(sample.width_m));
+        let fingers = scene::FINGERS.into_iter().zip(finger_poses(&playback.gripper, sample.width_m));
         transforms.extend(fingers.map(|(name, X_GF)| transform("gripper", name, &X_GF)));
         let cameras = playback.header.cell.cameras.iter().enumerate();
         transforms.extend(cameras.map(|(i, camera)| transform(scene::WORLD, &camera_name(i), &camera.X_WC)));

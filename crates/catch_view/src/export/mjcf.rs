@@ -14,21 +14,24 @@ use catch_body::{
 };
 use catch_cell::CameraModel;
 use catch_lab::scenario::setup::Setup;
-use catch_sim::{GripperDriveKind, Release, ThrownObject, gripper_drive::DRIVE_MASS_KG, object::ColliderPart};
+use catch_sim::{
+    Conditions, GripperDriveKind, Release, ThrownObject, gripper_drive::DRIVE_MASS_KG, object::ColliderPart,
+};
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
 /// Groups of geoms: what cameras see, and what only collides.
 const SEEN: u32 = 1;
 const COLLIDES: u32 = 3;
-/// Highest rate of a contact's spring in 1/s, for steps of 0.5 ms.
+/// MuJoCo's time step, and the highest rate of a contact's spring in 1/s for it.
+const STEP_S: f64 = 0.0005;
 const MOST_PER_S: f64 = 1000.0;
 /// Impedances of contacts with a hard object, and with a soft one. Under a constant load a contact of MuJoCo
 /// is stiffer than in an impact, by 1/(1 − impedance). A soft object is as stiff as its file says under load.
 const HARD_IMPEDANCE: f64 = 0.9;
 const SOFT_IMPEDANCE: f64 = 0.5;
 
-/// The scene of a throw as MJCF, its object just released. Masses are nominal, and the cameras stand where
-/// their rig has them.
+/// The scene of a throw as MJCF, its object just released, with its friction and restitution. Masses are
+/// nominal, and the cameras stand where their rig has them.
 pub fn scene(setup: &Setup, seed: u64, index: u64) -> String {
     let Setup { robot, gripper, object, cameras, .. } = setup;
     let is_real = setup.scenario.arena.gripper == GripperDriveKind::Real;
@@ -41,7 +44,7 @@ pub fn scene(setup: &Setup, seed: u64, index: u64) -> String {
         arm(robot, gripper, drive_kg),
     );
     let (shapes, body) = thrown(object);
-    let contact = contact_attributes(setup, drive_kg);
+    let contact = contact_attributes(setup, &setup.conditions(seed, index), drive_kg);
     let mut pairs = String::new();
     for part in 0..object.parts.len() {
         for other in world.split("<geom name=\"").skip(1).filter_map(|it| it.split('"').next()) {
@@ -53,7 +56,7 @@ pub fn scene(setup: &Setup, seed: u64, index: u64) -> String {
     format!(
         "<mujoco model=\"{name}\">\n\
          <compiler angle=\"radian\" autolimits=\"true\"/>\n\
-         <option timestep=\"0.0005\" cone=\"elliptic\" impratio=\"100\" gravity=\"0 0 -9.81\"/>\n\
+         <option timestep=\"{STEP_S}\" cone=\"elliptic\" impratio=\"100\" gravity=\"0 0 -9.81\"/>\n\
          <default><geom contype=\"0\" conaffinity=\"0\"/></default>\n\
          <asset>\n{shapes}{}</asset>\n\
          <worldbody>\n{world}{body}</worldbody>\n\
@@ -159,9 +162,9 @@ fn thrown(object: &ThrownObject) -> (String, String) {
     (meshes, body + "</body>\n")
 }
 
-/// Contacts of the object: as stiff as its surface, with its restitution, and the patch of a finger that
-/// presses with all of its force.
-fn contact_attributes(setup: &Setup, drive_kg: f64) -> String {
+/// Contacts of the object in a throw: as stiff as its surface, and with the patch of a finger that presses
+/// with all of its force.
+fn contact_attributes(setup: &Setup, conditions: &Conditions, drive_kg: f64) -> String {
     let Setup { object, gripper, .. } = setup;
     let finger_kg = gripper.finger_mass_kg + drive_kg;
     let reduced_kg = object.mass_kg * finger_kg / (object.mass_kg + finger_kg);
@@ -171,11 +174,7 @@ fn contact_attributes(setup: &Setup, drive_kg: f64) -> String {
         None => (f64::INFINITY, HARD_IMPEDANCE),
     };
     let rate_per_s = stiffness.sqrt().min(MOST_PER_S);
-    // The damping ratio of a damped spring with this restitution.
-    let log = libm::log(object.restitution.max(1e-3));
-    let ratio = -log / libm::hypot(log, std::f64::consts::PI);
-    let [low, high] = object.friction.unwrap_or(setup.scenario.arena.friction).bounds();
-    let friction = f64::midpoint(low, high).max(1e-5);
+    let friction = conditions.friction.max(1e-5);
     let torsion_m =
         object.spin_friction_nm(friction, gripper.max_force_n, object.mesh.aabb().size.min()) / gripper.max_force_n;
     // Neither restitution nor softness may weaken the friction: it has a time constant of its own, and
@@ -183,9 +182,34 @@ fn contact_attributes(setup: &Setup, drive_kg: f64) -> String {
     format!(
         "condim=\"4\" friction=\"{}\" solref=\"{}\" solreffriction=\"0.0035 1\" solimp=\"{}\"",
         numbers([friction, friction, torsion_m, 1e-4, 1e-4]),
-        numbers([-rate_per_s * rate_per_s, -2.0 * ratio * rate_per_s]),
+        numbers([-rate_per_s * rate_per_s, -damping_per_s(conditions.restitution, rate_per_s)]),
         numbers([impedance, impedance, 0.001, 0.5, 2.0]),
     )
+}
+
+/// Damping of a contact with this restitution, for each kilogram, by bisection.
+fn damping_per_s(restitution: f64, rate_per_s: f64) -> f64 {
+    let [mut low, mut high] = [0.0, 2.0 * rate_per_s];
+    for _ in 0..20 {
+        let middle = f64::midpoint(low, high);
+        [low, high] = if rebound(middle, rate_per_s) > restitution { [middle, high] } else { [low, middle] };
+    }
+    high
+}
+
+/// Fraction of its speed with which an object leaves a contact of MuJoCo, whose spring and damper push and
+/// never pull: the mean over the instants of a step at which it may begin.
+fn rebound(damping_per_s: f64, rate_per_s: f64) -> f64 {
+    const INSTANTS: u32 = 16;
+    let begun_at = |instant: u32| {
+        let (mut gap, mut speed) = (-STEP_S * (f64::from(instant) + 0.5) / f64::from(INSTANTS), -1.0);
+        while gap < 0.0 {
+            speed += (-rate_per_s * rate_per_s * gap - damping_per_s * speed).max(0.0) * STEP_S;
+            gap += speed * STEP_S;
+        }
+        speed
+    };
+    (0..INSTANTS).map(begun_at).sum::<f64>() / f64::from(INSTANTS)
 }
 
 fn motors(robot: &Robot, gripper: &Gripper) -> String {

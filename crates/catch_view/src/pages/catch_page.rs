@@ -14,8 +14,11 @@ mod surfaces;
 use super::{VIEWER, document, fill, packed};
 use crate::playback::Playback;
 
-pub use {data::PageData, points::MOST_POINTS};
 pub(super) use {data::seven, surfaces::PackedSurface};
+pub use {
+    data::{Links, PageData},
+    points::MOST_POINTS,
+};
 
 const PAGE: &str = include_str!("catch_page/page.html");
 const SCRIPTS: [&str; 6] = [
@@ -29,7 +32,16 @@ const SCRIPTS: [&str; 6] = [
 
 /// The page of a throw.
 pub fn page(playback: &Playback) -> String {
-    let data = packed::json_in_html(&PageData::of(playback, MOST_POINTS));
+    filled(playback, &PageData::of(playback, MOST_POINTS))
+}
+
+/// The page of a throw among others.
+pub fn page_among(playback: &Playback, links: Links) -> String {
+    filled(playback, &PageData::of(playback, MOST_POINTS).among(links))
+}
+
+fn filled(playback: &Playback, data: &PageData) -> String {
+    let data = packed::json_in_html(data);
     fill(&template(), &[("title", &packed::text_in_html(&playback.header.title)), ("data", &data)])
 }
 

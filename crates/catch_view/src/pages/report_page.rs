@@ -20,7 +20,7 @@ use catch_lab::{
 };
 use rows::{Mark, Scale, row};
 
-pub use misses::{MOST_MISSES, record_misses};
+pub use misses::{MOST_MISSES, Miss, record_misses};
 
 pub(super) use misses::recorded;
 
@@ -41,8 +41,8 @@ pub struct Report<'a> {
     pub rows: &'a [Row],
     /// Wall times of the stages, where they are known.
     pub stopwatch: &'a Stopwatch,
-    /// Pages of missed throws, relative to the report, by the index of their row.
-    pub pages: &'a BTreeMap<usize, String>,
+    /// Missed throws that can be looked at, by the index of their row.
+    pub pages: &'a BTreeMap<usize, Miss>,
 }
 
 /// The page of an evaluation.
@@ -133,7 +133,11 @@ fn misses(report: &Report) -> String {
         let name = format!("{}, {}, throw {}", scene.object, scene.throw, scene.index).replace('_', " ");
         let reason = row.verdict.reason.map(|it| it.to_string()).unwrap_or_default();
         let name = match report.pages.get(&i) {
-            Some(page) => format!("<a href=\"{}\">{}</a>", text_in_html(page), text_in_html(&name)),
+            Some(Miss { page, picture }) => format!(
+                "<a href=\"{}\"><img alt=\"\" src=\"data:image/png;base64,{picture}\">{}</a>",
+                text_in_html(page),
+                text_in_html(&name)
+            ),
             None => text_in_html(&name),
         };
         let _ = write!(html, "<li>{name} <span class=\"faint\">{}</span></li>", text_in_html(&reason));

@@ -4,7 +4,7 @@ use std::{path::Path, process::Command, time::Duration};
 
 use catch_body::Pose;
 use catch_cell::CameraModel;
-use catch_franka::{
+use catch_driver::{
     camera_socket::{self, FrameStatus},
     clock::Clock,
 };
@@ -34,7 +34,7 @@ fn images_from_python_arrive_as_they_were_sent() {
     let images = camera_socket::listen(&socket, &[camera.clone(), camera], &Clock::Host).unwrap();
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let python = here.join("../../target/franka/venv/bin/python");
-    let sent = Command::new(python).args(["-c", SENDS]).arg(here.join("cameras")).arg(&socket).status().unwrap();
+    let sent = Command::new(python).args(["-c", SENDS]).arg(here.join("../cameras")).arg(&socket).status().unwrap();
     assert!(sent.success());
     let arrived: Vec<_> = (0..3).map(|_| images.recv_timeout(Duration::from_secs(5)).unwrap()).collect();
     let statuses = [FrameStatus::Fresh, FrameStatus::Fresh, FrameStatus::Frozen];

@@ -1,5 +1,5 @@
-//! What goes wrong in a real cell, in mid-motion: the arm comes to rest without a reflex, the cell says why, and the
-//! next motion begins.
+//! What goes wrong in a real cell, in mid-motion: the arm comes to rest without a reflex, the cell says why,
+//! and the next motion begins.
 
 use std::{
     io::Write,
@@ -10,19 +10,21 @@ use std::{
         mpsc::{self, Receiver},
     },
     thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use catch_body::{JointVector, Pose, Robot as Arm, robot_file::RobotFiles};
 use catch_cell::{ArmTrajectory, CameraModel, Cell, CellFault, Rejection, cell_file::SafeBox};
-use catch_franka::{
+use catch_driver::{
     camera_socket::{self, Arrived, ImageFaults},
-    cell::{Bounds, FrankaCell},
+    cell::DrivenCell,
+    checker::Bounds,
     clock::Clock,
     enabling_key::EnablingKey,
     hand::Hand,
     motion,
 };
+use catch_franka::{control, franka_hand, margin};
 use franka::RobotMode;
 
 use crate::{fake_hand::FakeHand, server::Server};
@@ -62,14 +64,15 @@ impl Fixture {
         Self { arm, server, key, clock }
     }
 
-    fn cell(&self, safe_box: SafeBox, devices: (Option<Hand>, Receiver<Arrived>)) -> Result<FrankaCell, CellFault> {
-        let bounds = Bounds { arm: self.arm.clone(), speed_scaling: 0.3, safe_box };
+    fn cell(&self, safe_box: SafeBox, devices: (Option<Hand>, Receiver<Arrived>)) -> Result<DrivenCell, CellFault> {
+        let bounds = Bounds { arm: self.arm.clone(), speed_scaling: 0.3, safe_box, margin: margin::acceleration_ratio };
         let robot = self.server.connect();
         let _ = robot.automatic_error_recovery();
-        FrankaCell::begin(Arc::new(robot), &bounds, self.key.clone(), devices, self.clock.clone())
+        let control = control::begin(Arc::new(robot), self.arm.clone(), self.key.clone(), self.clock.clone());
+        DrivenCell::begin(control, &bounds, devices)
     }
 
-    fn plain(&self) -> Result<FrankaCell, CellFault> {
+    fn plain(&self) -> Result<DrivenCell, CellFault> {
         self.cell(wide(), (None, none()))
     }
 
@@ -84,14 +87,31 @@ impl Fixture {
     }
 }
 
+/// Waits for the next state of a hand. It has no clock of the robot's, which stands still meanwhile.
+fn hear(hand: &Hand) {
+    let count = || hand.state().unwrap().1;
+    let before = count();
+    while count() == before {
+        thread::sleep(Duration::from_millis(1));
+    }
+}
+
 /// Sends the arm to its waiting pose, and does something on the way; then senses until the cell fails.
-fn disturbed(cell: &mut FrankaCell, to: JointVector, disturb: impl FnOnce()) -> CellFault {
+fn disturbed(
+    cell: &mut DrivenCell,
+    to: JointVector,
+    hand: Option<&Hand>,
+    disturb: impl FnOnce(&mut DrivenCell),
+) -> CellFault {
     let way = way(cell, to);
     start(cell, &way).unwrap();
     for _ in 0..60 {
+        if let Some(hand) = hand {
+            hear(hand);
+        }
         cell.sense().unwrap();
     }
-    disturb();
+    disturb(cell);
     loop {
         match cell.sense() {
             Ok(now) => assert!((now.arm.q - to).amax() > 1e-3, "it has arrived, and nothing was told"),
@@ -101,15 +121,15 @@ fn disturbed(cell: &mut FrankaCell, to: JointVector, disturb: impl FnOnce()) -> 
 }
 
 /// A way to a pose that begins soon.
-fn way(cell: &mut FrankaCell, to: JointVector) -> ArmTrajectory {
+fn way(cell: &mut DrivenCell, to: JointVector) -> ArmTrajectory {
     let now = cell.sense().unwrap();
     motion::straight(1, now.time_s + 0.05, [now.arm.commanded.q, to], &fr3(), 0.1)
 }
 
 /// Commands a plan, and tells whether it was rejected.
-fn start(cell: &mut FrankaCell, plan: &ArmTrajectory) -> Result<(), Rejection> {
+fn start(cell: &mut DrivenCell, plan: &ArmTrajectory) -> Result<(), Rejection> {
     cell.act(&catch_cell::Command { arm: Some(plan.clone()), gripper: None, windows: None }).unwrap();
-    cell.sense().unwrap().arm.rejected.first().map_or(Ok(()), |it| Err(it.reason.clone()))
+    cell.sense().unwrap().arm.rejected.first().map_or(Ok(()), |it| Err(it.reason))
 }
 
 #[test]
@@ -121,7 +141,7 @@ fn a_released_key_stops_the_arm_and_a_held_one_starts_it_again() {
     let fault = fixture.plain().and_then(|mut it| it.go_to(fixture.arm.ready_q, 1)).unwrap_err();
     assert!(fault.to_string().contains("key was released"), "nothing moves before it is held: {fault}");
     key.set(true);
-    let fault = disturbed(&mut fixture.plain().unwrap(), fixture.arm.ready_q, || key.set(false));
+    let fault = disturbed(&mut fixture.plain().unwrap(), fixture.arm.ready_q, None, |_| key.set(false));
     assert!(matches!(&fault, CellFault::ProtectiveStop { cause } if cause.contains("key was released")), "{fault}");
     key.set(true);
     fixture.goes_on();
@@ -130,13 +150,14 @@ fn a_released_key_stops_the_arm_and_a_held_one_starts_it_again() {
 #[test]
 #[ignore = "needs franka-sim"]
 fn a_lost_hand_stops_the_arm() {
-    let fixture = Fixture::new(Clock::Host);
-    let hand = FakeHand::start();
-    let connected = Hand::connect(&hand.address, Clock::Host).unwrap();
-    let mut cell = fixture.cell(wide(), (Some(connected), none())).unwrap();
-    let fault = disturbed(&mut cell, fixture.arm.ready_q, || hand.silence());
+    let fixture = Fixture::new(Clock::lock_step());
+    let fake = FakeHand::start();
+    let hand = Hand::new(franka_hand::connect(&fake.address).unwrap(), fixture.clock.clone()).unwrap();
+    let mut cell = fixture.cell(wide(), (Some(hand.clone()), none())).unwrap();
+    let fault = disturbed(&mut cell, fixture.arm.ready_q, Some(&hand), |_| fake.silence());
     let said = fault.to_string();
-    assert!(said.contains("gripper: no state for 250 ms") || said.contains("arm: no state"), "{said}");
+    // The protocol's own time-out is of the real clock, and may come first.
+    assert!(said.contains("gripper: no state for 250 ms") || said.contains("gripper: libfranka: UDP"), "{said}");
     drop(cell);
     fixture.goes_on();
 }
@@ -199,23 +220,22 @@ fn bad_images_are_told() {
     assert_eq!(cell.image_faults[&0], told, "a sender that is frozen");
 }
 
-/// A server that is stopped or killed in mid-motion is told by the driver itself: `franka-rs` waits for a second.
+/// A server that is stopped or killed in mid-motion is told by the driver itself: `franka-rs` waits for a
+/// second. A server that lives may be slow on a busy machine: so the watchdog is that of a real arm from the
+/// signal on.
 #[test]
 #[ignore = "needs franka-sim"]
 fn a_dead_link_is_told() {
     for signal in ["-STOP", "-KILL"] {
-        let fixture = Fixture::new(Clock::Host);
+        let fixture = Fixture::new(Clock::lock_step());
         let pid = fixture.server.child.id().to_string();
-        let mut when = None;
         let mut cell = fixture.plain().unwrap();
-        let fault = disturbed(&mut cell, fixture.arm.ready_q, || {
+        let fault = disturbed(&mut cell, fixture.arm.ready_q, None, |cell| {
             assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
-            when = Some(Instant::now());
+            cell.watchdog = control::SILENCE;
         });
-        let after = when.unwrap().elapsed();
-        println!("{signal}: {fault}, {after:?} after the signal");
+        println!("{signal}: {fault}");
         assert!(signal != "-STOP" || fault.to_string().contains("no state for 20 ms"), "{fault}");
-        assert!(after < Duration::from_millis(500), "{after:?}");
         let _ = Command::new("kill").args(["-CONT", &pid]).status();
     }
 }

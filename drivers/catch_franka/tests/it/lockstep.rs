@@ -9,9 +9,10 @@ use std::{
 
 use catch_body::{JointVector, Robot as Arm, robot::LimitScale};
 use catch_cell::{ArmTrajectory, Executor, ExecutorConfig};
+use catch_driver::{braking::CYCLE_S, motion};
 use catch_franka::{
-    margin, motion,
-    setpoint::{CYCLE_S, Cycle, Sensed},
+    margin,
+    setpoint::{Cycle, Sensed},
 };
 use catch_recording::{Part, RecordingReader, replay::RECORDED, sources::Sources};
 use franka::{FrankaError, JointPositions, MoveControllerMode, Robot};
@@ -260,8 +261,8 @@ fn a_silent_link_ends_the_motion_and_the_next_one_begins() {
     assert!(figures.lost > 0);
 }
 
-/// A link that holds answers back and lets them through together: the controller may stop by a reflex, which it
-/// names, and the next throw is followed.
+/// A link that holds answers back and lets them through together: the controller may stop by a reflex, which
+/// it names, and the next throw is followed.
 #[test]
 #[ignore = "needs franka-sim"]
 fn late_answers_stop_by_the_rules_and_the_next_throw_is_followed() {

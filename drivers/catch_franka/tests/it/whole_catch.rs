@@ -1,18 +1,14 @@
-//! Whole catches through the driver: images, arm and hand come from a scene in MuJoCo, which judges as the arena
-//! does. The same throws were recorded in the arena.
+//! Whole catches through the driver: images, arm and hand come from a scene in MuJoCo, which judges as the
+//! arena does. The same throws were recorded in the arena.
 
 use std::{env, iter, path::Path, sync::Arc};
 
 use catch_body::robot::LimitScale;
 use catch_cell::cell_file::SafeBox;
-use catch_franka::{
-    camera_socket,
-    cell::{Bounds, FrankaCell},
-    clock::Clock,
-    drive,
-    enabling_key::EnablingKey,
-    hand::Hand,
+use catch_driver::{
+    camera_socket, cell::DrivenCell, checker::Bounds, clock::Clock, drive, enabling_key::EnablingKey, hand::Hand,
 };
+use catch_franka::{control, franka_hand, margin};
 use catch_recording::{
     RecordingReader,
     replay::{RECORDED, brain_of},
@@ -32,7 +28,8 @@ fn thrown(recording: &Path, folder: &Path) -> Result<[String; 2], String> {
     let unscaled = Sources { limit_scale: LimitScale::default(), ..known.sources.clone() };
     let (arm, gripper) = unscaled.parse(&RECORDED).unwrap();
     let safe_box = SafeBox { low_m: [-2.0; 3], high_m: [2.0; 3] };
-    let bounds = Bounds { arm: arm.carrying(&gripper), speed_scaling: 1.0, safe_box };
+    let arm = arm.carrying(&gripper);
+    let bounds = Bounds { arm: arm.clone(), speed_scaling: 1.0, safe_box, margin: margin::acceleration_ratio };
 
     let (clock, key) = (Clock::lock_step(), EnablingKey::default());
     key.set(true);
@@ -45,10 +42,11 @@ fn thrown(recording: &Path, folder: &Path) -> Result<[String; 2], String> {
     let arguments = [file.as_str(), &ports[0], &ports[1], &place];
     let mut scene = Server::run("throw.py", arm_address, arguments.into_iter());
     let robot = scene.connect();
-    let hand = Hand::connect(&hand_address, clock.clone()).unwrap();
+    let hand = Hand::new(franka_hand::connect(&hand_address).unwrap(), clock.clone()).unwrap();
 
     let mut brain = brain_of(&known).unwrap();
-    let mut cell = FrankaCell::begin(Arc::new(robot), &bounds, key, (Some(hand), images), clock).unwrap();
+    let control = control::begin(Arc::new(robot), arm, key, clock);
+    let mut cell = DrivenCell::begin(control, &bounds, (Some(hand), images)).unwrap();
     drive::throw(&mut cell, &mut brain, &known, folder).map_err(|fault| fault.to_string())?;
     drop(cell);
     Ok(serde_json::from_str(&scene.line()).unwrap())

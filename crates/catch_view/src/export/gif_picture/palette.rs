@@ -1,7 +1,7 @@
 //! The colours of the picture.
 
-/// A colour: red, green and blue from 0 to 1.
-pub type Colour = [f64; 3];
+pub use crate::surfaces::paint::Colour;
+use crate::surfaces::paint::{BALL, OBJECT, RING, TIP, grey};
 
 /// The index that stands for "as it was".
 pub const TRANSPARENT: u8 = 0;
@@ -9,15 +9,13 @@ pub const TRANSPARENT: u8 = 0;
 pub const TRUE: Colour = [0.85, 0.28, 0.06];
 /// Colour of the predicted path.
 pub const PREDICTED: Colour = [0.11, 0.43, 0.82];
-/// Colour of the object, fully lit.
-pub const OBJECT: Colour = [1.0, 0.74, 0.12];
 /// Colour of the close-up's frame.
 pub const FRAME: Colour = [0.45, 0.47, 0.5];
 
 const GREYS: usize = 56;
-const SHADES: usize = 20;
+const SHADES: usize = 18;
 
-/// A fixed palette: greys for everything but the object and the paths.
+/// A fixed palette: greys for everything but the object, the rings of the arm and the paths.
 #[derive(Debug)]
 pub struct Palette {
     colours: Vec<Colour>,
@@ -40,7 +38,9 @@ impl Palette {
                 [0, 1, 2].map(|c| other[c] + (colour[c] - other[c]) * fraction)
             })
         };
-        colours.extend(toward(OBJECT, [0.25, 0.16, 0.02], SHADES));
+        for (colour, shades) in [(OBJECT, SHADES), (BALL, SHADES), (RING, SHADES / 2), (TIP, SHADES / 2)] {
+            colours.extend(toward(colour.map(|value| value * 1.05), colour.map(|value| value * 0.3), shades));
+        }
         for colour in [TRUE, PREDICTED] {
             colours.extend(toward(colour, grey(0.9), 6));
         }
@@ -69,9 +69,4 @@ fn nearest(colours: &[Colour], colour: &Colour) -> u8 {
     let candidates = colours.iter().enumerate().skip(usize::from(TRANSPARENT) + 1);
     let best = candidates.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)));
     best.map_or(1, |(index, _)| index as u8)
-}
-
-/// A grey of a brightness from 0 to 1.
-pub fn grey(brightness: f64) -> Colour {
-    [brightness * 0.985, brightness * 0.99, brightness]
 }

@@ -95,7 +95,7 @@ for (const { time_s: time, label, detail } of data.events) {
 }
 const LAYERS = [["truth", "true path", "--accent"], ["predicted", "predictions", "--blue"], ["plan", "planned hand", "--blue"],
   ["motion", "velocity, spin", "--j2"], ["contact", "contacts, miss", "--bad"], ["points", "depth points", "--j6"],
-  ["obstacles", "surroundings", "--faint"], ["grasps", "grasp candidates", "--j2"], ["cameras", "cameras", "--j5"]]
+  ["obstacles", "surroundings", "--faint"], ["capsules", "capsules", "--blue"], ["grasps", "grasp candidates", "--j2"], ["cameras", "cameras", "--j5"]]
   .filter(([name]) => (name !== "truth" && name !== "motion" || data.motion.p_WO) && (name !== "obstacles" || data.surfaces.some((it) => it.of === "obstacle")));
 function toggle(name, on = !layers[name]) { layers[name] = on; $(`layer-${name}`).ariaPressed = on; refresh(); }
 LAYERS.forEach(([name, label, colour], i) => {
@@ -103,6 +103,21 @@ LAYERS.forEach(([name, label, colour], i) => {
   button.id = `layer-${name}`; button.textContent = label; button.title = `key ${i + 1}`; button.ariaPressed = layers[name];
   button.style.setProperty("--mark", `var(${colour})`); button.onclick = () => toggle(name); $("layers").append(button);
 });
+// The way through a report, and what can be kept.
+for (const [name, text, key] of [["report", "report", "B"], ["previous", "previous miss", "["], ["next", "next miss", "]"], ["caught", "caught neighbour", "V"], ["missed", "the miss", "V"]]) if (data.links?.[name]) {
+  const link = document.createElement("a");
+  link.href = data.links[name]; link.textContent = text; link.title = `key ${key}`; link.accessKey = key; $("nav").append(link);
+}
+const go = (...names) => { const to = names.map((name) => data.links?.[name]).find(Boolean); if (to) location.href = to; };
+function keep(extension, url) {
+  const link = document.createElement("a");
+  link.href = url; link.download = `${$("title").textContent} ${now.toFixed(3)} s.${extension}`; link.click(); setTimeout(() => URL.revokeObjectURL(url), 1000);
+}
+const KEEP = {
+  png: () => { draw(now, 2); canvas.toBlob((blob) => keep("png", URL.createObjectURL(blob))); },
+  json: () => keep("json", URL.createObjectURL(new Blob([$("data").textContent], { type: "application/json" }))),
+};
+for (const kind of ["png", "json"]) $(`keep-${kind}`).onclick = KEEP[kind];
 $("time").oninput = (event) => { setPlaying(false); seek(Number(event.target.value)); };
 $("play").onclick = () => setPlaying(!playing);
 $("help").onclick = () => toggleKeys();
@@ -116,6 +131,7 @@ const KEYS = {
   " ": () => setPlaying(!playing), Home: () => seek(0), End: () => seek(shownUntil()), r: () => { resetCamera(); refresh(); }, c: () => follow(),
   "?": () => toggleKeys(), Escape: () => toggleKeys(false),
   ArrowLeft: (far) => seek(now - (far ? 0.1 : 0.01)), ArrowRight: (far) => seek(now + (far ? 0.1 : 0.01)),
+  b: () => go("report"), "[": () => go("previous"), "]": () => go("next"), v: () => go("caught", "missed"), s: KEEP.png, j: KEEP.json,
   n: () => seekMark(1), p: () => seekMark(-1), z: () => setRange(!whole), "-": () => changeSpeed(-1), "+": () => changeSpeed(1),
 };
 // The next mark of the story, or the one before.

@@ -1,6 +1,6 @@
 //! Data of a throw's page.
 
-use catch_body::{Pose, Robot};
+use catch_body::{Pose, Robot, shape::Capsule};
 use catch_bot::grasp_selection::RankedGrasp;
 use nalgebra::Point3;
 use serde::Serialize;
@@ -54,6 +54,22 @@ pub struct PageData {
     points: PackedPoints,
     cameras: Vec<Camera>,
     stages: Option<Stages>,
+    links: Option<Links>,
+}
+
+/// Pages beside this one, where it is one of a report's.
+#[derive(Debug, Serialize)]
+pub struct Links {
+    /// The report.
+    pub report: String,
+    /// The miss before this one.
+    pub previous: Option<String>,
+    /// The miss after this one.
+    pub next: Option<String>,
+    /// The nearest throw that was caught.
+    pub caught: Option<String>,
+    /// Of a caught one, the miss that it is near to.
+    pub missed: Option<String>,
 }
 
 #[derive(Debug, Serialize)]
@@ -76,6 +92,7 @@ struct RobotData {
     base: [f64; 7],
     gripper: [f64; 7],
     joints: Vec<JointData>,
+    capsules: Vec<CapsuleData>,
     finger_centre_y_m: f64,
     finger_thickness_m: f64,
     finger_tip_y_m: f64,
@@ -87,6 +104,15 @@ struct JointData {
     name: String,
     parent: [f64; 7],
     axis: [f64; 3],
+}
+
+/// A capsule around a part of a link.
+#[derive(Debug, Serialize)]
+struct CapsuleData {
+    link: usize,
+    from: [f64; 3],
+    to: [f64; 3],
+    radius: f64,
 }
 
 /// The true motion, or without ground truth the sensed one, at even times; what is unknown is `None`.
@@ -181,11 +207,17 @@ impl PageData {
             points: PackedPoints::of(playback, points),
             cameras: header.cell.cameras.iter().map(camera).collect(),
             stages: Stages::of(playback),
+            links: None,
         }
     }
 }
 
 impl PageData {
+    /// The data with the way to other pages.
+    pub fn among(self, links: Links) -> Self {
+        Self { links: Some(links), ..self }
+    }
+
     /// The data with the first view of another throw, for two throws beside each other.
     pub fn seen_as(self, other: &Self) -> Self {
         Self { scene_view: other.scene_view, ..self }
@@ -235,10 +267,17 @@ impl RobotData {
             parent: seven(&joint.X_PL),
             axis: joint.axis.into_inner().into(),
         });
+        let capsule = |(link, it): &(usize, Capsule)| CapsuleData {
+            link: *link,
+            from: it.from.into(),
+            to: it.to.into(),
+            radius: it.radius,
+        };
         Self {
             base: seven(&robot.X_WB),
             gripper: seven(&robot.X_LG),
             joints: joints.collect(),
+            capsules: robot.capsules.iter().map(capsule).collect(),
             finger_centre_y_m: gripper.finger_centre_y_m,
             finger_thickness_m: gripper.finger_size_m[0],
             finger_tip_y_m: gripper.fingertip_y_m(),

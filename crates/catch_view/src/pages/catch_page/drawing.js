@@ -1,5 +1,8 @@
 // Drawing of the scene and of the close-up in its corner.
-const layers = { truth: true, predicted: true, plan: true, points: true, motion: true, contact: true, obstacles: true, grasps: false, cameras: false };
+const layers = { truth: true, predicted: true, plan: true, points: true, motion: true, contact: true, obstacles: true, capsules: false, grasps: false, cameras: false };
+// The joint whose link is tinted.
+let tinted = -1;
+function tint(joint) { if (joint !== tinted) { tinted = joint; refresh(); } }
 // Pixels drawn per pixel shown, in each direction.
 let sharpness = 1;
 const SUN = unit([0.35, -0.35, 0.87]), STILL = shift(0, 0, 0), OPAQUE_HAND = ["housing", "finger", "object"];
@@ -53,18 +56,13 @@ function paint(it, place, colour, lit = 1) {
   gl.uniformMatrix4fv(u.model, false, place); gl.uniform4fv(u.colour, colour); gl.uniform1f(u.lit, lit);
   gl.bindVertexArray(it.vao); gl.drawElements(gl.TRIANGLES, it.count, gl.UNSIGNED_INT, 0);
 }
-const colourOf = (of, dark) => ({
-  link: dark ? [0.80, 0.82, 0.85, 1] : [0.93, 0.93, 0.92, 1], housing: [0.27, 0.30, 0.34, 1], finger: [0.36, 0.39, 0.43, 1],
-  object: [0.98, 0.71, 0.10, 1], obstacle: dark ? [0.42, 0.47, 0.54, 1] : [0.72, 0.76, 0.81, 1],
-})[of];
-
 // Arm, hand, object and surroundings. Nothing opaque stands before hand and object: where they are drawn, links before them are a
 // veil, and surroundings before the throw are one as a whole. In the close-up all surroundings are.
 function drawBodies({ eye, near }, now, time, dark) {
   const shown = scene.surfaces.filter((it) => it.of !== "obstacle" || layers.obstacles);
   const points = sightPoints(now, time), faded = shown.filter((it) => it.of === "obstacle" && (near || points.some((p) => crosses(it, eye, p))));
   const solid = shown.filter((it) => !faded.includes(it)), catching = solid.filter((it) => OPAQUE_HAND.includes(it.of)), others = solid.filter((it) => !OPAQUE_HAND.includes(it.of));
-  const all = (list, alpha) => { for (const it of list) for (const place of placesOf(it, now)) paint(it, place, [...colourOf(it.of, dark).slice(0, 3), alpha]); };
+  const all = (list, alpha) => { for (const it of list) for (const place of placesOf(it, now)) paint(it, place, [...(tinted >= 0 && it.of === "link" && it.link === tinted + 1 ? rgb(jointColour(tinted)) : it.colour).map((c) => c * (dark && c > 0.6 && it.of !== "object" ? 0.82 : 1)), alpha]); };
   // Shadows: everything flattened onto the floor along the light, each pixel darkened once.
   const flat = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, -SUN[0] / SUN[2], -SUN[1] / SUN[2], 0, 0, 0, 0, 0.001, 1]);
   gl.enable(gl.CULL_FACE); gl.enable(gl.BLEND); gl.enable(gl.STENCIL_TEST); gl.disable(gl.DEPTH_TEST);
@@ -76,6 +74,7 @@ function drawBodies({ eye, near }, now, time, dark) {
   gl.stencilFunc(gl.NOTEQUAL, 1, 255); gl.stencilOp(gl.KEEP, gl.KEEP, gl.KEEP); all(others, 1);
   gl.stencilFunc(gl.EQUAL, 1, 255); gl.enable(gl.BLEND); gl.depthMask(false); all(others, VEIL);
   gl.disable(gl.STENCIL_TEST); all(faded, FADED);
+  if (layers.capsules) for (const { link, it, place } of scene.capsules) paint(it, multiply(now.links[link], place), [...rgb("--blue"), 0.3]);
   gl.depthMask(true); gl.disable(gl.BLEND); gl.disable(gl.CULL_FACE);
 }
 // What must be seen: hand, object, and the way of the throw.

@@ -15,7 +15,7 @@ function legend(entries) {
   return it;
 }
 // A plot of series {time, values, colour, dots?, dashed?} with lines across it at `marks`; `read` says what stands under the slider.
-function plot({ title, unit, low, high, log, marks = [], ticks, series, read, labels }) {
+function plot({ title, unit, low, high, log, marks = [], ticks, series, read, labels, hover }) {
   const box = document.createElement("div"), head = document.createElement("header"), name = document.createElement("h2");
   const about = document.createElement("span"), value = document.createElement("span"), surface = document.createElement("canvas"), cursor = document.createElement("div");
   box.className = "plot"; about.className = "faint"; cursor.className = "cursor";
@@ -28,7 +28,8 @@ function plot({ title, unit, low, high, log, marks = [], ticks, series, read, la
     seek(Math.min(Math.max(part, 0), 1) * shownUntil());
   };
   surface.addEventListener("pointerdown", (event) => { surface.setPointerCapture(event.pointerId); seekTo(event); });
-  surface.addEventListener("pointermove", (event) => { if (event.buttons) seekTo(event); });
+  surface.addEventListener("pointermove", (event) => { if (event.buttons) seekTo(event); else hover?.(event, it); });
+  if (hover) surface.addEventListener("pointerleave", () => tint(-1));
   plots.push(it);
 }
 function drawPlot({ surface, series, low, high, log, marks, ticks, left, right }) {
@@ -62,13 +63,20 @@ const joints = data.robot.joints.length, jointColour = (j) => `--j${j % 8}`;
 function jointPlot(title, name, unit) {
   const table = motion[name], time = evenly(table.length / joints);
   const series = Array.from({ length: joints }, (_, j) => ({ time, values: column(table, joints, j), colour: jointColour(j) }));
-  plot({ title, unit, low: -1.1, high: 1.1, marks: [-1, 1], ticks: [[-1, "−100"], [0, "0"], [1, "100 %"]], series, read: (t) => {
+  // The curve under the pointer tints the link that it is of.
+  const hover = (event, { surface, left, right }) => {
+    const box = surface.getBoundingClientRect(), row = rowAt(name, (event.clientX - box.left - left) / (box.width - left - right) * shownUntil());
+    const value = 1.1 - (event.clientY - box.top - 5) / (box.height - 19) * 2.2;
+    tint([...row.keys()].reduce((best, j) => (Math.abs(row[j] - value) < Math.abs(row[best] - value) ? j : best), 0));
+  };
+  plot({ title, unit, low: -1.1, high: 1.1, marks: [-1, 1], ticks: [[-1, "−100"], [0, "0"], [1, "100 %"]], series, hover, read: (t) => {
     const row = rowAt(name, t), j = row.reduce((best, v, i) => (Math.abs(v) > Math.abs(row[best]) ? i : best), 0);
     return `J${j + 1} ${percent(row[j])}`;
   } });
 }
 const stretch = (values, least) => Math.max(least, ...values);
 $("plots").append(legend(data.robot.joints.map((_, j) => [`J${j + 1}`, jointColour(j)])));
+[...$("plots").lastChild.children].forEach((it, j) => { it.tabIndex = 0; it.onpointerenter = it.onfocus = () => tint(j); it.onpointerleave = it.onblur = () => tint(-1); });
 jointPlot("Position", "position_ratio", "of the joint's range");
 jointPlot("Velocity", "velocity_ratio", "of its limit");
 jointPlot("Acceleration", "acceleration_ratio", "commanded, of its limit");

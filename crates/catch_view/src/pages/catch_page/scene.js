@@ -74,7 +74,12 @@ const scene = gl && (() => {
     return rim.flatMap((corner, i) => [...apex, ...corner, ...corner, ...rim[(i + 1) % 4]]);
   });
   const points = unpack(data.points.p_W), path = motion.p_WO.filter((_, i) => Math.floor(i / 3) % PATH_STRIDE === 0);
-  return { programs, surfaces, floor, ball: drawn(revolved(8, 24, (s) => [Math.sin(Math.PI * s), -Math.cos(Math.PI * s)])),
+  // What the arm may touch with: a half ball at each end of a segment.
+  const capsules = data.robot.capsules.map(({ link, from, to, radius }) => {
+    const way = minus(to, from), long = Math.hypot(...way), curve = (s) => [radius * Math.sin(Math.PI * s), (s < 0.5 ? 0 : long) - radius * Math.cos(Math.PI * s)];
+    return { link, place: along(from, unit(long ? way : [0, 0, 1]), 1), it: drawn(revolved(13, 24, curve)) };
+  });
+  return { programs, surfaces, capsules, floor, ball: drawn(revolved(8, 24, (s) => [Math.sin(Math.PI * s), -Math.cos(Math.PI * s)])),
     cone: drawn(revolved(1, 20, (s) => [1 - s, s])), rod: drawn(revolved(1, 14, (s) => [1, s])), lines: {
       truth: lines(path), hand: lines(handPath), predicted: lines(predictedPaths), fork: lines(fork.flat(), true), cameras: lines(cameras, true),
       free: { ...lines([]), stride: 12 },

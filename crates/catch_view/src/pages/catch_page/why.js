@@ -55,8 +55,8 @@ function drawMotion(it, now, time) {
   label(it, arc[12], `${spin.toFixed(0)} rad/s`, "--j3");
 }
 const objectSize = (() => {
-  const object = scene && scene.surfaces.find((it) => it.of === "object");
-  return object ? minus(object.high, object.low) : [0.06, 0.06, 0.06];
+  const parts = (scene ? scene.surfaces : []).filter((it) => it.of === "object");
+  return parts.length ? [0, 1, 2].map((i) => Math.max(...parts.map(({ high }) => high[i])) - Math.min(...parts.map(({ low }) => low[i]))) : [0.06, 0.06, 0.06];
 })();
 
 // The ellipsoid of three standard deviations around the predicted place of the catch.

@@ -95,7 +95,7 @@ mod tests {
             let all = normal(&mut state);
             let depth = |i: u32| {
                 let own = normal(&mut state);
-                let missing = random(&mut state) < dropout || i % 9 == 0;
+                let missing = random(&mut state) < dropout || i.is_multiple_of(9);
                 let inverse = 0.3 + f64::from(i) * 1e-5 + sd * (common.sqrt() * all + (1.0 - common).sqrt() * own);
                 if missing { 0.0 } else { (1.0 / inverse) as f32 }
             };

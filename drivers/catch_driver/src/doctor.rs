@@ -9,11 +9,10 @@ use serde::Serialize;
 use crate::{
     camera_socket::{self, Arrived, FrameStatus, ImageFaults},
     clock::Clock,
-    control::{Control, Sample},
+    control::Sample,
     depth_noise::{DepthNoise, NoiseFigures},
-    drive,
+    drive::{self, Driver},
     enabling_key::EnablingKey,
-    margin,
 };
 
 /// Duration of the measurement in seconds.
@@ -70,26 +69,24 @@ fn told_ms(mut values_s: Vec<f64>) -> [f64; 3] {
 }
 
 /// Findings of some samples, in order.
-pub fn findings(samples: &[Sample]) -> Findings {
+pub fn findings(samples: &[Sample], margin: fn(u64) -> Option<f64>) -> Findings {
     let interval_s = samples.windows(2).map(|it| it[1].heard_s - it[0].heard_s).collect();
-    let gap = |it: &[Sample]| ((it[1].time_s - it[0].time_s) * 1e3).round() as u64;
-    let missing: Vec<u64> = samples.windows(2).map(|it| gap(it).saturating_sub(1)).collect();
     let least = |part: &[Sample]| part.iter().map(|it| it.heard_s - it.time_s).fold(f64::INFINITY, f64::min);
     let (first, last) = samples.split_at(samples.len() / 2);
     let half_s = samples.last().map_or(f64::NAN, |it| it.time_s) / 2.0;
-    let longest_run = missing.iter().copied().max().unwrap_or(0);
+    let longest_run = samples.iter().map(|it| it.missed).max().unwrap_or(0);
     // The first hundred answers do not fill the robot's count.
     let rates = samples.iter().skip(100).map(|it| it.success_rate);
     Findings {
         states: samples.len(),
         interval_ms: told_ms(interval_s),
         answer_ms: told_ms(samples.iter().map(|it| it.answer_s).collect()),
-        states_lost: missing.iter().sum(),
+        states_lost: samples.iter().map(|it| it.missed).sum(),
         longest_run,
         least_success_rate: rates.fold(1.0, f64::min),
         clock_offset_s: least(last),
         clock_drift: (least(last) - least(first)) / half_s,
-        acceleration_ratio: margin::acceleration_ratio(longest_run),
+        acceleration_ratio: margin(longest_run),
         images: BTreeMap::new(),
     }
 }
@@ -114,9 +111,9 @@ impl Watched {
         }
     }
 
-    fn found(&self) -> Images {
+    fn found(&self, measured_s: f64) -> Images {
         let count = self.count as f64;
-        let (rate_hz, latency_s) = (count / MEASURED_S, self.latency_s / count);
+        let (rate_hz, latency_s) = (count / measured_s, self.latency_s / count);
         Images { frames: self.count, rate_hz, latency_s, noise: self.noise.figures(), faults: self.faults }
     }
 }
@@ -125,13 +122,15 @@ impl Watched {
 ///
 /// # Errors
 /// A device that does not answer.
-pub fn run(job: &DriveJob) -> anyhow::Result<()> {
-    let bounds = drive::bounds(job)?;
+pub fn run<D: Driver>(job: &DriveJob) -> anyhow::Result<()> {
+    let bounds = drive::bounds::<D>(job)?;
+    // It is not moved, but a name that is wrong is told now.
+    drive::hand::<D>(job)?;
     let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &job.cell.cameras, &Clock::Host)?;
     let key = EnablingKey::default();
     // The arm is held: there is no motion to enable.
     key.set(true);
-    let mut control = Control::begin(drive::connect(job)?, bounds.arm, key, Clock::Host);
+    let mut control = D::hold(job, &bounds.arm, &key)?;
     let (mut samples, mut watched) = (Vec::new(), BTreeMap::<usize, Watched>::new());
     while samples.last().is_none_or(|it: &Sample| it.time_s < MEASURED_S) {
         match control.samples.recv() {
@@ -143,8 +142,10 @@ pub fn run(job: &DriveJob) -> anyhow::Result<()> {
         }
     }
     control.stop();
-    let cameras = watched.iter().map(|(camera, it)| (*camera, it.found())).collect();
-    let found = serde_json::to_string_pretty(&Findings { images: cameras, ..findings(&samples) })?;
+    // The images' clock is the host's.
+    let measured_s = samples.last().map_or(f64::NAN, |it| it.heard_s - samples[0].heard_s);
+    let cameras = watched.iter().map(|(camera, it)| (*camera, it.found(measured_s))).collect();
+    let found = serde_json::to_string_pretty(&Findings { images: cameras, ..findings(&samples, D::margin) })?;
     println!("{found}");
     let file = job.out.join(FILE);
     fs::write(&file, found).with_context(|| file.display().to_string())

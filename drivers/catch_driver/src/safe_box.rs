@@ -21,7 +21,7 @@ pub fn leaves(bounds: &SafeBox, robot: &Robot, plan: &ArmTrajectory) -> Option<(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cell::tests::{bounds, fr3};
+    use crate::checker::tests::{bounds, fr3};
     use crate::motion;
     use catch_body::JointVector;
 

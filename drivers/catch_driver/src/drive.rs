@@ -3,7 +3,7 @@
 use std::{io, ops::ControlFlow, path::Path, sync::Arc, time::Duration};
 
 use anyhow::Context;
-use catch_body::robot::LimitScale;
+use catch_body::{InputError, Robot as Arm, robot::LimitScale};
 use catch_cell::{Brain, CellFault, Observation, RunError, cell_file::CellFile};
 use catch_recording::{
     RecordedCell,
@@ -13,15 +13,16 @@ use catch_recording::{
     replay::{RECORDED, brain_of},
     sources::Sources,
 };
-use franka::{RealtimeConfig, Robot};
 
 use crate::{
     camera_socket::{self, ImageFaults},
-    cell::{Bounds, FrankaCell},
+    cell::DrivenCell,
+    checker::Bounds,
     clock::Clock,
-    dry_run::DryCell,
+    control::Control,
+    dry_run::{DryCell, NextState},
     enabling_key::{EnablingKey, restore_terminal},
-    hand::Hand,
+    hand::{Fingers, Hand},
 };
 
 /// Time in seconds from the start of a throw's recording until its end, at most.
@@ -29,33 +30,64 @@ const THROW_S: f64 = 30.0;
 /// Time in seconds for which a recording goes on after the last plan has ended.
 const AFTERWARDS_S: f64 = 2.0;
 
+/// How a hand is connected with; the error says why it is not.
+pub type ConnectFingers = fn(&str) -> Result<Arc<dyn Fingers>, String>;
+
+/// An arm's protocol.
+pub trait Driver {
+    /// Hands by the names that a cell's file has for them. Where the file names none it is the first.
+    const HANDS: &'static [(&'static str, ConnectFingers)];
+
+    /// Fraction of the acceleration limit that plans may use on a link that loses up to so many answers in a
+    /// row. None: no plan may be executed over such a link.
+    fn margin(longest_run: u64) -> Option<f64>;
+
+    /// Connects with the arm, and begins to hold it where it stands.
+    ///
+    /// # Errors
+    /// If it does not answer.
+    fn hold(job: &DriveJob, arm: &Arm, key: &EnablingKey) -> anyhow::Result<Control>;
+
+    /// Connects with the arm, and moves nothing.
+    ///
+    /// # Errors
+    /// If it does not answer.
+    fn watch(job: &DriveJob, arm: &Arm) -> anyhow::Result<NextState>;
+}
+
 /// The arm of a task with its gripper and its maker's limits, and what bounds it.
 ///
 /// # Errors
 /// A text in the task that describes no arm.
-pub fn bounds(job: &DriveJob) -> anyhow::Result<Bounds> {
+pub fn bounds<D: Driver>(job: &DriveJob) -> anyhow::Result<Bounds> {
     let unscaled = Sources { limit_scale: LimitScale::default(), ..job.cell.sources.clone() };
     let (arm, gripper) = unscaled.parse(&RECORDED)?;
     let CellFile { speed_scaling, safe_box, .. } = job.links;
-    Ok(Bounds { arm: arm.carrying(&gripper), speed_scaling, safe_box })
+    Ok(Bounds { arm: arm.carrying(&gripper), speed_scaling, safe_box, margin: D::margin })
 }
 
-/// The robot controller of a task.
+/// How the task's hand is connected with, and its address; none where it has no hand.
 ///
 /// # Errors
-/// If it does not answer.
-pub fn connect(job: &DriveJob) -> anyhow::Result<Arc<Robot>> {
-    let address = &job.links.arm.address;
-    let robot = Robot::new(address, RealtimeConfig::Ignore);
-    Ok(Arc::new(robot.with_context(|| format!("the arm at {address}"))?))
+/// A protocol that the driver does not speak.
+pub fn hand<D: Driver>(job: &DriveJob) -> anyhow::Result<Option<(ConnectFingers, &str)>> {
+    let Some(link) = &job.links.hand else {
+        return Ok(None);
+    };
+    let named = |name: &str| link.driver.as_deref().is_none_or(|it| it == name);
+    let found = D::HANDS.iter().find(|it| named(it.0)).map(|it| (it.1, link.address.as_str()));
+    let expected = || D::HANDS.iter().map(|it| it.0).collect::<Vec<_>>().join(" or ");
+    let name = || format!("{:?}", link.driver.as_deref().unwrap_or_default());
+    Ok(Some(found.ok_or_else(|| InputError::new(job.file.clone(), "hand.driver", name(), expected()))?))
 }
 
 /// Drives until the cell fails for good: a stop is told, and ends when the key is held again.
 ///
 /// # Errors
 /// A device that does not answer; a recording that cannot be written.
-pub fn run(job: &DriveJob) -> anyhow::Result<()> {
-    let bounds = bounds(job)?;
+pub fn run<D: Driver>(job: &DriveJob) -> anyhow::Result<()> {
+    let bounds = bounds::<D>(job)?;
+    let hand = hand::<D>(job)?;
     // The brain plans within what the checks allow.
     let limit_scale = bounds.limit_scale(0).context("no motion is allowed")?;
     let mut known = job.cell.clone();
@@ -63,21 +95,21 @@ pub fn run(job: &DriveJob) -> anyhow::Result<()> {
     let mut brain = brain_of(&known)?;
     let ready_q = bounds.arm.checked_pose("the task", "ready_rad", &known.ready_rad)?;
     if job.dry_run {
-        let robot = connect(job)?;
+        let next_state = D::watch(job, &bounds.arm)?;
         let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &known.cameras, &Clock::Host)?;
-        let mut cell = DryCell::new(&robot, &bounds, ready_q, images)?;
+        let mut cell = DryCell::new(next_state, &bounds, ready_q, images)?;
         println!("dry run: nothing moves; Ctrl-C ends it");
         return throw(&mut cell, &mut brain, &known, &job.out).map(drop).map_err(anyhow::Error::from);
     }
     let key = EnablingKey::of_terminal()?;
-    let driven = drive(job, &bounds, (&mut brain, &known), &key);
+    let driven = drive::<D>(job, (&bounds, hand), (&mut brain, &known), &key);
     restore_terminal();
     driven
 }
 
-fn drive(
+fn drive<D: Driver>(
     job: &DriveJob,
-    bounds: &Bounds,
+    (bounds, hand): (&Bounds, Option<(ConnectFingers, &str)>),
     (brain, known): (&mut ChosenBrain, &RecordedCell),
     key: &EnablingKey,
 ) -> anyhow::Result<()> {
@@ -89,17 +121,9 @@ fn drive(
         }
         // A socket of its own for each motion: images of before are none of its clock.
         let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &known.cameras, &Clock::Host)?;
-        let hand = job
-            .links
-            .hand
-            .as_ref()
-            .map(|it| Hand::connect(&it.address, Clock::Host))
-            .transpose()
-            .context("the gripper")?;
-        let robot = connect(job)?;
-        // It clears what made the robot stop before, and does nothing else.
-        let _ = robot.automatic_error_recovery();
-        let begun = FrankaCell::begin(robot, bounds, key.clone(), (hand, images), Clock::Host);
+        let connected = hand.map(|(connect, address)| connect(address).and_then(|it| Hand::new(it, Clock::Host)));
+        let hand = connected.transpose().map_err(anyhow::Error::msg).context("the gripper")?;
+        let begun = DrivenCell::begin(D::hold(job, &bounds.arm, key)?, bounds, (hand, images));
         let stopped = begun.and_then(|mut cell| {
             cell.go_to(ready_q, 1)?;
             println!("ready");

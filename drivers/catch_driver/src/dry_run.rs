@@ -1,24 +1,25 @@
 //! A cell in which nothing moves: plans are checked and executed in imagination, images and clock are real.
 
-use std::{sync::Arc, sync::mpsc::Receiver};
+use std::{fmt, sync::mpsc::Receiver};
 
 use catch_body::JointVector;
 use catch_cell::{Cell, CellFault, Command, GraspState, GripperState, Observation};
-use franka::Robot;
 
 use crate::{
     camera_socket::Arrived,
-    cell::{Bounds, Checker},
+    checker::{Bounds, Checker},
     clock::Clock,
 };
 
 /// Interval of the observations in seconds.
 const TICK_S: f64 = 0.01;
 
+/// Waits for the next state of an arm. An error says why there is none.
+pub type NextState = Box<dyn FnMut() -> Result<(), String>>;
+
 /// A robot whose states are read, and an imagined arm that waits in its pose.
-#[derive(Debug)]
 pub struct DryCell {
-    robot: Arc<Robot>,
+    next_state: NextState,
     checker: Checker,
     images: Receiver<Arrived>,
     began_s: f64,
@@ -31,14 +32,20 @@ impl DryCell {
     /// # Errors
     /// If the robot sends no states.
     pub fn new(
-        robot: &Arc<Robot>,
+        mut next_state: NextState,
         bounds: &Bounds,
         q: JointVector,
         images: Receiver<Arrived>,
     ) -> Result<Self, CellFault> {
         let checker = Checker::new(bounds, q, 0).ok_or_else(|| lost("no motion is allowed"))?;
-        robot.read_once().map_err(lost)?;
-        Ok(Self { robot: robot.clone(), checker, images, began_s: Clock::Host.now_s(), time_s: 0.0 })
+        next_state().map_err(lost)?;
+        Ok(Self { next_state, checker, images, began_s: Clock::Host.now_s(), time_s: 0.0 })
+    }
+}
+
+impl fmt::Debug for DryCell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("DryCell").field("time_s", &self.time_s).finish_non_exhaustive()
     }
 }
 
@@ -52,7 +59,7 @@ impl Cell for DryCell {
     fn sense(&mut self) -> Result<Observation, CellFault> {
         let next_s = self.time_s + TICK_S;
         while self.time_s < next_s {
-            self.robot.read_once().map_err(lost)?;
+            (self.next_state)().map_err(lost)?;
             self.time_s = Clock::Host.now_s() - self.began_s;
         }
         let arm = self.checker.imagined(self.time_s);

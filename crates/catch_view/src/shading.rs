@@ -1,29 +1,36 @@
-//! Ray-cast, shaded images of a throw.
+//! Ray-cast, shaded images of arm, hand and object, where no browser draws them.
 
-use catch_body::{
-    Pose, Robot,
-    ray_cast::{ArmSurface, RayCaster, SurfacePart},
-};
+use std::io::Write;
+
+use base64::{Engine, prelude::BASE64_STANDARD};
+use catch_body::{Gripper, Pose, Robot, TriangleMesh, ray_cast::RayCaster};
 use catch_cell::{CameraModel, PixelWindow, sight::Sight};
+use flate2::{Compression, Crc, write::ZlibEncoder};
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
-use super::palette::{Colour, OBJECT, grey};
-use crate::playback::{MotionSample, Playback};
+use crate::{
+    playback::{MotionSample, Playback},
+    surfaces::{
+        Part, Surface, finger_poses,
+        paint::{Colour, grey},
+        surfaces,
+    },
+    viewpoint::{CatchScene, between},
+};
 
 const SKY: f64 = 0.93;
 const FLOOR: f64 = 0.89;
 const GRID: f64 = 0.80;
 /// Brightness of a shadow over that of the floor around it.
 const SHADOW: f64 = 0.80;
-const LINK: f64 = 0.95;
-const GRIPPER: f64 = 0.38;
-const OBSTACLE: f64 = 0.74;
 /// Opacity of a link before hand or object.
 const VEIL: f64 = 0.2;
 /// Opacity of the surroundings.
 const FADED: f64 = 0.25;
 /// Rays per pixel and direction where bodies meet.
 const FINE: usize = 3;
+/// Width and height of a picture of a catch.
+const PICTURE_PX: u32 = 150;
 
 /// A line through the scene.
 #[derive(Debug, Clone)]
@@ -39,10 +46,10 @@ pub struct Line {
 /// Parts of the scene that are the same in all images of a throw.
 #[derive(Debug)]
 pub struct Shader {
-    arm: ArmSurface,
-    object: Option<RayCaster>,
+    surfaces: Vec<(RayCaster, Surface)>,
     sun: Vector3<f64>,
     robot: Robot,
+    gripper: Gripper,
 }
 
 /// Bodies before a camera at an instant.
@@ -76,35 +83,70 @@ struct Seen {
 }
 
 impl Shader {
-    /// Prepares the surfaces.
-    pub fn new(playback: &Playback) -> Self {
+    /// Prepares the surfaces; the object's where it is known.
+    pub fn new(robot: &Robot, gripper: &Gripper, object: Option<&TriangleMesh>) -> Self {
+        let surfaces = surfaces(robot, gripper, object);
         Self {
-            arm: ArmSurface::new(&playback.robot, &playback.gripper),
-            object: playback.ground_truth().map(|it| RayCaster::new(&it.surface.mesh())),
+            surfaces: surfaces.into_iter().map(|it| (RayCaster::new(&it.mesh), it)).collect(),
             sun: Vector3::new(0.35, -0.35, 0.87).normalize(),
-            robot: playback.robot.clone(),
+            robot: robot.clone(),
+            gripper: gripper.clone(),
         }
     }
 
     /// One image of a camera, row by row.
     pub fn image(&self, camera: &CameraModel, sample: &MotionSample, lines: &[Line]) -> Vec<Colour> {
         let X_WL = self.robot.link_poses(&sample.q);
-        let mut bodies: Vec<Body> = self
-            .arm
-            .named_parts(&X_WL, sample.width_m)
-            .map(|(part, X_WB, caster)| {
-                let (colour, opacity) = match part {
-                    SurfacePart::Link(_) => (LINK, Some([1.0, VEIL])),
-                    SurfacePart::Gripper => (GRIPPER, None),
-                    SurfacePart::Obstacle => (OBSTACLE, Some([FADED; 2])),
-                };
-                Body::new(camera, X_WB, caster, (grey(colour), opacity))
-            })
-            .collect();
-        let object = sample.X_WO.zip(self.object.as_ref());
-        bodies.extend(object.map(|(X_WO, caster)| Body::new(camera, X_WO, caster, (OBJECT, None))));
+        let mut bodies: Vec<Body> = Vec::new();
+        for (caster, surface) in &self.surfaces {
+            let mut add = |X_WB, opacity| bodies.push(Body::new(camera, X_WB, caster, (surface.colour, opacity)));
+            match surface.of {
+                Part::Link => add(X_WL[surface.link], Some([1.0, VEIL])),
+                Part::Housing => add(sample.X_WG, None),
+                Part::Finger => {
+                    for X_GF in finger_poses(&self.gripper, sample.width_m) {
+                        add(sample.X_WG * X_GF, None);
+                    }
+                }
+                Part::Object => sample.X_WO.into_iter().for_each(|X_WO| add(X_WO, None)),
+                Part::Obstacle => add(Pose::identity(), Some([FADED; 2])),
+            }
+        }
         Shot { camera, sun: self.sun, bodies }.image(lines)
     }
+}
+
+/// Hand and object at the catch, as a PNG file in base64; empty for a recording without motion.
+pub fn picture_of_catch(playback: &Playback) -> String {
+    let at = playback.motion_at(playback.flight_end_s());
+    let Some((sample, scene)) = at.zip(CatchScene::new(playback)) else { return String::new() };
+    let object = playback.ground_truth().map(|it| it.surface.mesh());
+    let view = scene.close_up();
+    let (target, radius_m) = between(playback, &sample, view.radius_m);
+    let camera = view.around(&target, radius_m, [PICTURE_PX; 2]);
+    let shader = Shader::new(&playback.robot, &playback.gripper, object.as_ref());
+    BASE64_STANDARD.encode(png(&shader.image(&camera, &sample, &[]), PICTURE_PX))
+}
+
+/// A square picture as a PNG file. (W3C, Portable Network Graphics, third edition.)
+fn png(colours: &[Colour], size_px: u32) -> Vec<u8> {
+    let byte = |value: &f64| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
+    // Each row is as it is: filter 0.
+    let rows =
+        colours.chunks(size_px as usize).flat_map(|row| std::iter::once(0).chain(row.iter().flatten().map(byte)));
+    let mut packed = ZlibEncoder::new(Vec::new(), Compression::best());
+    let pixels = packed.write_all(&rows.collect::<Vec<u8>>()).and_then(|()| packed.finish()).unwrap_or_default();
+    let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
+    // Eight bits of red, green and blue.
+    let head = [&size_px.to_be_bytes()[..], &size_px.to_be_bytes(), &[8, 2, 0, 0, 0]].concat();
+    for (kind, content) in [(b"IHDR", head), (b"IDAT", pixels), (b"IEND", Vec::new())] {
+        let mut check = Crc::new();
+        check.update(kind);
+        check.update(&content);
+        file.extend((content.len() as u32).to_be_bytes());
+        file.extend([&kind[..], &content, &check.sum().to_be_bytes()].concat());
+    }
+    file
 }
 
 impl<'a> Body<'a> {
@@ -177,12 +219,17 @@ impl Shot<'_> {
         before.fold(behind, |seen, hit| Seen { colour: mixed(&seen.colour, &colour(hit), opacity(hit.1)), ..seen })
     }
 
-    /// A surface in the light of sky and sun.
+    /// A surface in the light of sky and sun, and a little from the camera.
     fn lit(&self, body: &Body, normal: &Vector3<f64>, direction: &Vector3<f64>) -> Colour {
         let half = (self.sun - direction).normalize();
-        let light = 0.56 + 0.14 * normal.z + 0.36 * normal.dot(&self.sun).max(0.0);
-        let shine = 0.12 * normal.dot(&half).max(0.0).powi(40);
-        body.colour.map(|value| (value * light + shine).min(1.0))
+        let light =
+            0.46 + 0.16 * normal.z + 0.95 * normal.dot(&self.sun).max(0.0) - 0.16 * normal.dot(direction).min(0.0);
+        let shine = 0.1 * normal.dot(&half).max(0.0).powi(60);
+        // The light of the surface, on a curve as of film: as the page has it.
+        let lit = body.colour.map(|value| value * value * light + shine);
+        let most = lit.iter().copied().fold(0.0, f64::max);
+        let film = (2.2 * most + 0.1) / (most * (2.1 * most + 0.55) + 0.12);
+        lit.map(|value| (value * film).sqrt().min(1.0))
     }
 
     /// Floor with its grid and the shadows on it, or sky.

@@ -1,8 +1,8 @@
-//! The Franka Hand, on a connection of its own: one thread moves it, another reads its states.
+//! A hand on a connection of its own: one thread moves it, another reads its states.
 //!
-//! Its protocol knows a move to a width, and a grasp, which closes until something stops the fingers. Each is
-//! answered when it has ended, and nothing else begins before. So a move to the width zero is a grasp; and no
-//! other move begins that could still run when it is time to grasp.
+//! The protocols of hands know a move to a width, and a move that closes until something stops the fingers.
+//! Each is answered when it has ended, and nothing else begins before. So a move to the width zero is a
+//! grasp; and no other move begins that could still run when it is time to grasp.
 
 use std::{
     sync::{
@@ -10,18 +10,31 @@ use std::{
         mpsc::{self, Receiver, RecvTimeoutError, Sender},
     },
     thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use catch_cell::{GraspState, GripperMove, GripperQueue, GripperState};
-use franka::{FrankaError, FrankaResult, Gripper};
 
 use crate::clock::Clock;
 
+/// A hand's protocol. Errors say why the connection is lost.
+pub trait Fingers: Send + Sync {
+    /// Waits for the next state: the width in metres, and whether something is held.
+    ///
+    /// # Errors
+    /// If there will be none any more.
+    fn next_state(&self) -> Result<(f64, bool), String>;
+
+    /// Moves the fingers, and waits until they stand. A grasp that meets nothing is no fault, nor is a move
+    /// that the hand refuses.
+    ///
+    /// # Errors
+    /// If the hand cannot be told.
+    fn execute(&self, step: &GripperMove) -> Result<(), String>;
+}
+
 /// Interval at which due moves are looked for.
 const POLL: Duration = Duration::from_millis(1);
-/// Silence of the hand after which it counts as lost. Its states come every 10 to 17 ms.
-pub const SILENCE: Duration = Duration::from_millis(250);
 /// Time in seconds that a move takes in addition to its way at full speed: latency, acceleration, answer.
 const POSITIONING_S: f64 = 0.15;
 /// Change of the width in metres that is worth a move.
@@ -30,59 +43,53 @@ const STEP_M: f64 = 2e-4;
 const CLOSED_M: f64 = 1e-6;
 
 /// A gripper that moves by itself at the times it was told.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Hand {
     moves: Sender<Vec<GripperMove>>,
     seen: Arc<Seen>,
 }
 
-/// What the hand told last, and when.
+/// What the hand told last, and how many states it told so far; or why it tells none any more.
+pub type Told = Result<(GripperState, u64), String>;
+
 #[derive(Debug)]
-struct Seen {
-    state: Mutex<Result<(GripperState, Instant), String>>,
-    silence: Duration,
-}
+struct Seen(Mutex<Told>);
 
 impl Seen {
-    fn lock(&self) -> MutexGuard<'_, Result<(GripperState, Instant), String>> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Told> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Hand {
-    /// Connects. Both threads end with the connection, or with the hand.
+    /// A hand that is connected. Both threads end with the connection, or with the hand.
     ///
     /// # Errors
-    /// If the hand does not answer.
-    pub fn connect(address: &str, clock: Clock) -> FrankaResult<Self> {
-        let gripper = Arc::new(Gripper::new(address)?);
-        let first = told(&gripper.read_once()?, None, clock.now_s());
+    /// If the hand tells no state.
+    pub fn new(fingers: Arc<dyn Fingers>, clock: Clock) -> Result<Self, String> {
+        let first = told(fingers.next_state()?, None, clock.now_s());
         let (moves, received) = mpsc::channel();
-        let silence = clock.patience(SILENCE);
-        let seen = Arc::new(Seen { state: Mutex::new(Ok((first, Instant::now()))), silence });
-        let (reader, shared, now) = (gripper.clone(), Arc::downgrade(&seen), clock.clone());
+        let seen = Arc::new(Seen(Mutex::new(Ok((first, 1)))));
+        let (reader, shared, now) = (fingers.clone(), Arc::downgrade(&seen), clock.clone());
         thread::spawn(move || {
-            let mut before = (now.now_s(), first);
+            let (mut before, mut count) = ((now.now_s(), first), 1);
             while let Some(seen) = shared.upgrade() {
-                let read = reader.read_once();
+                let read = reader.next_state();
                 // What a move found out stays.
                 if seen.lock().is_err() {
                     return;
                 }
-                match read {
-                    Ok(state) => {
-                        let state = told(&state, Some(before), now.now_s());
-                        before = (now.now_s(), state);
-                        *seen.lock() = Ok((state, Instant::now()));
-                    }
-                    Err(fault) => *seen.lock() = Err(fault.to_string()),
-                }
+                let state = read.map(|state| told(state, Some(before), now.now_s()));
+                count += 1;
+                *seen.lock() = state.map(|state| {
+                    before = (now.now_s(), state);
+                    (state, count)
+                });
             }
         });
         let shared = Arc::downgrade(&seen);
         thread::spawn(move || {
-            // A grasp that meets nothing is no fault, nor is a move that the hand refuses.
-            if let Err(FrankaError::Network(cause)) = follow(&gripper, &received, Mover::new(first.width_m), &clock)
+            if let Err(cause) = follow(&*fingers, &received, Mover::new(first.width_m), &clock)
                 && let Some(seen) = shared.upgrade()
             {
                 *seen.lock() = Err(cause);
@@ -97,27 +104,22 @@ impl Hand {
         let _ = self.moves.send(moves);
     }
 
-    /// The newest state, or why there is none any more.
+    /// The newest state, and how many there were so far.
     ///
     /// # Errors
-    /// What the connection told as it ended; a hand that is silent.
-    pub fn state(&self) -> Result<GripperState, String> {
-        let silence = self.seen.silence;
-        match &*self.seen.lock() {
-            Ok((state, heard)) if heard.elapsed() <= silence => Ok(*state),
-            Ok(_) => Err(format!("no state for {} ms", silence.as_millis())),
-            Err(cause) => Err(cause.clone()),
-        }
+    /// What the connection told as it ended.
+    pub fn state(&self) -> Told {
+        self.seen.lock().clone()
     }
 }
 
 /// Moves the fingers until the connection is lost, or nobody sends moves any more.
 fn follow(
-    gripper: &Gripper,
+    fingers: &dyn Fingers,
     received: &Receiver<Vec<GripperMove>>,
     mut mover: Mover,
     clock: &Clock,
-) -> FrankaResult<()> {
+) -> Result<(), String> {
     loop {
         match received.recv_timeout(POLL) {
             Ok(moves) => mover.receive(&moves, clock.now_s()),
@@ -129,22 +131,13 @@ fn follow(
             mover.receive(&moves, clock.now_s());
         }
         if let Some(step) = mover.due(clock.now_s()) {
-            // The protocol's speed is that of one finger.
-            let speed_mps = step.speed_mps / 2.0;
-            let ended = if is_grasp(&step) {
-                // Whatever is between the fingers counts as grasped.
-                gripper.grasp(0.0, speed_mps, step.force_n, 0.1, 0.1)
-            } else {
-                gripper.move_gripper(step.width_m, speed_mps)
-            };
-            if let Err(fault @ FrankaError::Network(_)) = ended {
-                return Err(fault);
-            }
+            fingers.execute(&step)?;
         }
     }
 }
 
-fn is_grasp(step: &GripperMove) -> bool {
+/// Returns whether a move closes until something stops the fingers.
+pub fn is_grasp(step: &GripperMove) -> bool {
     step.width_m <= CLOSED_M
 }
 
@@ -187,14 +180,14 @@ impl Mover {
     }
 }
 
-/// A state of the protocol, which tells neither speed nor force, and the one before it with its time.
-fn told(now: &franka::GripperState, before: Option<(f64, GripperState)>, now_s: f64) -> GripperState {
+/// A state of the protocol, and the one before it with its time, by which the speed is known.
+fn told((width_m, is_held): (f64, bool), before: Option<(f64, GripperState)>, now_s: f64) -> GripperState {
     let speed_mps = match before {
-        Some((before_s, before)) if now_s > before_s => (now.width - before.width_m) / (now_s - before_s),
+        Some((before_s, before)) if now_s > before_s => (width_m - before.width_m) / (now_s - before_s),
         _ => 0.0,
     };
-    let grasp = if now.is_grasped { GraspState::Holding } else { GraspState::Idle };
-    GripperState { width_m: now.width, speed_mps, force_n: 0.0, grasp }
+    let grasp = if is_held { GraspState::Holding } else { GraspState::Idle };
+    GripperState { width_m, speed_mps, force_n: 0.0, grasp }
 }
 
 #[cfg(test)]
