@@ -25,7 +25,7 @@ class MujocoCell:
         arena, clock, self.random = setup.scenario["arena"], setup.scenario["clock"], np.random.default_rng([seed, index])
         self.executor, self.images = cb.Executor(setup.robot, setup.gripper), Images(setup, self.drawn["cameras"], self.random)
         drive_kg, phase_s = self.model.dof_armature[self.n], self.drawn["gripper_phase_s"]
-        self.fingers = Fingers(setup.gripper.numbers, arena["gripper"] == "real", phase_s, drive_kg)
+        self.fingers = Fingers(setup.gripper.numbers, setup.waiting_width_m, arena["gripper"] == "real", phase_s, drive_kg)
         self.gains, self.errors, self.torque_limits = arena["robot_controller"]["gains"], arena["robot_errors"], setup.limits[4]
         self.compute_s, self.latency_s = 1e-3 * clock["fixed_ms"] if isinstance(clock, dict) else 0.0, arena["latency_s"]
         # What is under way: windows that the brain wants to see, commands and images with their times of arrival.

@@ -15,11 +15,11 @@ SEEN, FAR_M = np.array([0, 1, 0, 0, 0, 0], np.uint8), 100.0
 class Fingers:
     """The gripper's drive: it moves the fingers to a width, no faster and no harder than a move says."""
 
-    def __init__(self, gripper: dict, is_real: bool, phase_s: float | None, drive_kg: float) -> None:
+    def __init__(self, gripper: dict, width_m: float, is_real: bool, phase_s: float | None, drive_kg: float) -> None:
         self.queue, self.widest_m, self.most_n = cb.GripperQueue(), gripper["max_width_m"], gripper["max_force_n"]
         # The move, and the set-point that leads the fingers through it.
-        self.wanted_m, self.speed_mps, self.force_n = self.widest_m, 0.0, self.most_n
-        self.width_m, self.rate_mps, self.state = self.widest_m, 0.0, cb.GripperState(self.widest_m)
+        self.wanted_m, self.speed_mps, self.force_n = width_m, 0.0, self.most_n
+        self.width_m, self.rate_mps, self.state = width_m, 0.0, cb.GripperState(width_m)
         # What a move says that the fingers obey: all of it, the width alone, or only whether they open or close.
         self.control = gripper.get("drive", {}).get("control", "speed_and_force")
         if is_real:

@@ -265,7 +265,9 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     }
 
     fn opening(&self, now_s: f64) -> Vec<GripperMove> {
-        vec![opening(now_s, self.candidates[self.active].bot.known().search().motion().gripper())]
+        // Wide enough for whatever is thrown next.
+        let width_m = self.candidates.iter().map(|it| it.bot.waiting_width_m()).fold(0.0, f64::max);
+        vec![opening(now_s, width_m, self.candidates[self.active].bot.known().search().motion().gripper())]
     }
 
     /// Towards `to`, and whether the arm is there. A motion that was rejected or lost is sent anew.

@@ -47,9 +47,9 @@ pub mod trajectory_prediction;
 use std::sync::Arc;
 
 use catch_body::{Gripper, InputError, Robot};
-use catch_cell::{Brain, CameraModel, Command, KnownObject, Observation, PixelWindow, Probe};
+use catch_cell::{Brain, CameraModel, Command, GripperMove, KnownObject, Observation, PixelWindow, Probe};
 
-use control::{CatchPlanner, Controller, GripperPlan, Situation, TimeGridSearch};
+use control::{CatchPlanner, Controller, GripperPlan, Situation, TimeGridSearch, opening};
 use perception::{CameraStatus, ObjectPose, PoseEstimator, SdfEstimator, camera_offsets::CameraOffset};
 use tracker::Tracker;
 use trajectory_optimization::{CatchPlan, reach_map::ReachMap};
@@ -57,6 +57,9 @@ use trajectory_prediction::{FlightPredictor, FlightTrajectory, InformationFit};
 
 pub use control::Status;
 pub use preparation::{Config, Preparation};
+
+/// Fingers that stand nearer than this to where they should wait are left there, in metres.
+const WAITING_TOLERANCE_M: f64 = 0.001;
 
 /// State and decision of the brain in its last tick, for observers.
 #[derive(Debug, Clone, Default)]
@@ -99,6 +102,8 @@ pub struct CatchingBot<E = SdfEstimator, P = InformationFit, C = TimeGridSearch>
     /// The flight as predicted last.
     flight: Option<FlightTrajectory>,
     controller: Controller,
+    /// True once the fingers have been told in this throw how far apart to wait.
+    has_opened: bool,
     report: Report,
 }
 
@@ -138,7 +143,8 @@ impl<E, P, C> CatchingBot<E, P, C> {
         let Config { control, grasp_selection, .. } = known.config().clone();
         let motion = known.search().motion();
         let controller = Controller::new(control, grasp_selection, motion.robot().clone(), motion.gripper().clone());
-        Self { known, estimator, predictor, planner, tracker, flight: None, controller, report: Report::default() }
+        let (flight, has_opened, report) = (None, false, Report::default());
+        Self { known, estimator, predictor, planner, tracker, flight, controller, has_opened, report }
     }
 
     /// State and decision of the last tick.
@@ -166,7 +172,9 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingBo
             probe.stage_ended("perception");
             self.act_on(observation, pose, probe)
         };
-        self.controller.amended(command)
+        let command = self.controller.amended(command);
+        let opening = self.opening(observation);
+        Command { gripper: command.gripper.or(opening), ..command }
     }
 
     fn reset(&mut self) {
@@ -176,6 +184,19 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingBo
 }
 
 impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C> {
+    /// Distance between the fingers of the hand that waits for a throw, in metres.
+    pub fn waiting_width_m(&self) -> f64 {
+        self.planner.waiting_width_m().unwrap_or(self.known.search().motion().gripper().max_width_m)
+    }
+
+    /// The move of the fingers to where they wait, if they stand elsewhere when a throw begins.
+    fn opening(&mut self, observation: &Observation) -> Option<Vec<GripperMove>> {
+        let width_m = self.waiting_width_m();
+        let is_first = !std::mem::replace(&mut self.has_opened, true) && self.controller.plan().is_none();
+        let must_move = is_first && (observation.gripper.width_m - width_m).abs() > WAITING_TOLERANCE_M;
+        must_move.then(|| vec![opening(observation.time_s, width_m, self.known.search().motion().gripper())])
+    }
+
     /// III-B: pose of the object in the newest images, started from where the last flight says it is.
     fn perceive(&mut self, observation: &Observation) -> Option<ObjectPose> {
         self.tracker.sense(observation);
@@ -207,6 +228,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
         self.planner.reset();
         self.flight = None;
         self.controller.reset();
+        self.has_opened = false;
         self.report = Report::default();
     }
 

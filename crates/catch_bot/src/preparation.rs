@@ -100,8 +100,8 @@ impl Preparation {
     /// Prepares catches with an arm and its gripper, cameras at known poses, and an object that is known from
     /// a scan.
     ///
-    /// The arm is expected to wait at [`Robot::ready_q`] with its fingers [`waiting_width_m`](Self::waiting_width_m)
-    /// apart; if it waits elsewhere, the first images take longer. `reach_map` is that of this arm and pose, if it is
+    /// The arm is expected to wait at [`Robot::ready_q`] with its fingers as far apart as the
+    /// [grasps](GraspSet::widest_aperture_m) need; if it waits elsewhere, the first images take longer. `reach_map` is that of this arm and pose, if it is
     /// [served](ReachMap::serves) by one.
     ///
     /// # Errors
@@ -119,9 +119,7 @@ impl Preparation {
         let grasps = Arc::new(GraspSet::sample(&reference, &gripper, &config.grasp_selection));
         let arm_surface = ArmSurface::new(&robot, &gripper);
         let X_WL = robot.link_poses(&robot.ready_q);
-        let width_m = grasps.widest_aperture_m().unwrap_or(gripper.max_width_m);
-        // Plans open the fingers no farther than they wait.
-        let gripper = Gripper { max_width_m: width_m, ..gripper };
+        let width_m = grasps.widest_aperture_m.unwrap_or(gripper.max_width_m);
         let waiting = Surroundings { arm: &arm_surface, X_WL, width_m };
         let alignment = CameraAlignment::before_flight(&cameras, &waiting, &config.perception);
         let camera_health = CameraHealth::before_flight(&cameras, &waiting, &config.perception);
@@ -154,11 +152,6 @@ impl Preparation {
     /// Search for catches and for the arm's motions to them.
     pub fn search(&self) -> &Arc<CatchSearch> {
         &self.search
-    }
-
-    /// Distance between the fingers of the hand that waits for the object, in metres: as wide as its grasps need.
-    pub fn waiting_width_m(&self) -> f64 {
-        self.search.motion().gripper().max_width_m
     }
 
     /// Buffers of perception, with what the cameras see of the waiting arm.

@@ -78,7 +78,7 @@ impl Controller {
         self.closing = timed.map(|(_, closing)| closing);
         self.amended = Some(match timed {
             Some((aperture_m, closing)) => gripper_moves(now_s, aperture_m, &closing, &self.gripper, &self.config),
-            None if has_begun => vec![opening(now_s, &self.gripper)],
+            None if has_begun => vec![opening(now_s, self.gripper.max_width_m, &self.gripper)],
             None => Vec::new(),
         });
     }

@@ -114,6 +114,11 @@ pub trait CatchPlanner {
     /// Plans the catch for the flight as it is predicted now.
     fn plan(&mut self, situation: &Situation<'_>) -> Decision;
 
+    /// Distance between the fingers that wait for a throw, in metres; wide open where the method says nothing.
+    fn waiting_width_m(&self) -> Option<f64> {
+        None
+    }
+
     /// Returns the number of numerical failures in this throw; zero where the method does not count.
     fn numerical_failures(&self) -> u32 {
         0
@@ -126,6 +131,10 @@ pub trait CatchPlanner {
 impl<T: CatchPlanner + ?Sized> CatchPlanner for Box<T> {
     fn plan(&mut self, situation: &Situation<'_>) -> Decision {
         (**self).plan(situation)
+    }
+
+    fn waiting_width_m(&self) -> Option<f64> {
+        (**self).waiting_width_m()
     }
 
     fn numerical_failures(&self) -> u32 {

@@ -94,10 +94,10 @@ pub fn gripper_moves(
     if closing.start_s > now_s { vec![aperture, squeezing] } else { vec![squeezing] }
 }
 
-/// The move that opens the fingers as wide as they go.
-pub fn opening(now_s: f64, gripper: &Gripper) -> GripperMove {
+/// The move that opens the fingers as wide as a waiting hand.
+pub fn opening(now_s: f64, width_m: f64, gripper: &Gripper) -> GripperMove {
     let (speed_mps, force_n) = (gripper.max_speed_mps, gripper.max_force_n);
-    GripperMove { start_s: now_s, width_m: gripper.max_width_m, speed_mps, force_n }
+    GripperMove { start_s: now_s, width_m, speed_mps, force_n }
 }
 
 #[cfg(test)]

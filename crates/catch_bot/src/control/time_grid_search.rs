@@ -132,6 +132,10 @@ impl CatchPlanner for TimeGridSearch {
         decision
     }
 
+    fn waiting_width_m(&self) -> Option<f64> {
+        self.grasps.widest_aperture_m
+    }
+
     fn numerical_failures(&self) -> u32 {
         self.failures
     }

@@ -210,6 +210,9 @@ pub struct GraspSet {
     /// Rotations about the centre of mass under which the object looks the same: turned by one of them, a
     /// grasp holds it alike.
     pub symmetry: Symmetry,
+    /// The widest opening that any of the grasps asks for, in metres; `None` without grasps. A hand that waits no
+    /// wider has less to close: slow fingers that wait wide open for a thin object are late.
+    pub widest_aperture_m: Option<f64>,
     /// Closing and approaching direction of every grasp, in O.
     axes: Vec<[Vector3<f64>; 2]>,
 }
@@ -259,19 +262,14 @@ impl GraspSet {
         let axes = grasps.iter().map(|it| [it.X_OG * Vector3::x(), it.X_OG * Vector3::y()]).collect();
         let surface_points = surface_points(&reference.points);
         let radius_m = surface_points.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
-        Self { grasps, failures, surface_points, radius_m, symmetry: reference.symmetry, axes }
+        let widest_aperture_m = grasps.iter().map(|grasp| grasp.aperture_m).max_by(f64::total_cmp);
+        Self { grasps, failures, surface_points, radius_m, symmetry: reference.symmetry, widest_aperture_m, axes }
     }
 
     /// The distance from the gripper's origin at which the farthest of the grasps holds the object's origin,
     /// in metres.
     pub fn farthest_held_m(&self) -> f64 {
         self.grasps.iter().map(|grasp| grasp.X_OG.translation.vector.norm()).fold(0.0, f64::max)
-    }
-
-    /// The widest opening that any of the grasps asks for, in metres; `None` without grasps. Nothing is gained by
-    /// fingers that wait farther apart: a slow gripper needs longer to close them than the object flies.
-    pub fn widest_aperture_m(&self) -> Option<f64> {
-        self.grasps.iter().map(|grasp| grasp.aperture_m).max_by(f64::total_cmp)
     }
 
     /// Reasons for which sampled candidates failed, the most frequent first.

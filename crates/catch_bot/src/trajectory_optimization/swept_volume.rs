@@ -50,7 +50,7 @@ impl CatchSearch {
     ) -> bool {
         let Some(direction) = v_GO.try_normalize(1e-6) else { return true };
         let Incoming { grasps, config, .. } = *entering.incoming;
-        let open = Hand::new(&self.motion.gripper, self.motion.gripper.max_width_m, config.approach_margin_m);
+        let open = Hand::new(&self.motion.gripper, self.widest_m(grasps), config.approach_margin_m);
         let end = entering.grasp.X_OG.inverse();
         let start = Translation3::from(direction * -APPROACH_M) * end;
         let [start, end] = [start, end].map(|X_GO| Place::new(&X_GO));
@@ -81,12 +81,17 @@ impl CatchSearch {
 
     /// Openings that are tried, the narrowest first.
     fn apertures(&self, X_WG: &Pose, entering: &Entering) -> [f64; 4] {
-        let (narrow, wide) = (entering.grasp.aperture_m, self.motion.gripper.max_width_m);
+        let (narrow, wide) = (entering.grasp.aperture_m, self.widest_m(entering.incoming.grasps));
         let between = |fraction: f64| narrow + fraction * (wide - narrow);
         match self.pre_closed_m(X_WG, entering) {
             Some(pre_closed_m) => [pre_closed_m, narrow, between(0.5), wide],
             None => [0.0, 0.25, 0.5, 1.0].map(between),
         }
+    }
+
+    /// The widest opening that is planned, in metres.
+    pub(super) fn widest_m(&self, grasps: &GraspSet) -> f64 {
+        grasps.widest_aperture_m.unwrap_or(self.motion.gripper.max_width_m)
     }
 
     /// Aperture at which slow fingers wait for an object that is to be held at `X_WG`, in metres, not wider

@@ -245,13 +245,11 @@ impl Setup {
         Arena::new(self.equipment(), &self.release(seed, index), waiting, seed, index)
     }
 
-    /// Distance between the fingers of the waiting hand, in metres: as wide as the grasps of the object need; the
-    /// paper's gripper waits wide open.
+    /// Distance between the fingers of the waiting hand, in metres: as wide as the grasps of the object need, or
+    /// wide open where the method of planning says nothing.
     pub fn waiting_width_m(&self) -> f64 {
-        match self.scenario.brain.catch_planning.unwrap_or(self.scenario.brain.method) {
-            Method::Ours => self.known().waiting_width_m(),
-            Method::Paper => self.gripper.max_width_m,
-        }
+        let planner = self.scenario.brain.catch_planner(self.known(), 0);
+        planner.waiting_width_m().unwrap_or(self.gripper.max_width_m)
     }
 
     /// Draws the conditions that differ from throw to throw besides the throw itself.
