@@ -13,7 +13,7 @@ use nalgebra::{Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use super::paint::{COVER, Colour, DARK, METAL, RING, SHELL};
 
 /// Flat strips around a body.
-const SEGMENTS: u32 = 32;
+const SEGMENTS: u32 = 24;
 /// Step along and away from an axis.
 const STEP_M: f64 = 0.001;
 /// Farthest from a joint that its housing ends.

@@ -10,7 +10,7 @@ pub const COVER: Colour = [0.33, 0.37, 0.42];
 /// Rings where two links meet.
 pub const RING: Colour = [0.93, 0.47, 0.13];
 /// Flanges, rails and fingers.
-pub const METAL: Colour = [0.62, 0.65, 0.69];
+pub const METAL: Colour = [0.64, 0.65, 0.66];
 /// A gripper's housing, and the plate on which an arm stands.
 pub const DARK: Colour = [0.24, 0.27, 0.31];
 /// Pads on fingers.

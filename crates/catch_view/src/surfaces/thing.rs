@@ -13,7 +13,7 @@ const SLICES: usize = 40;
 /// Width of a cap and of a tip over the widest place, at most.
 const NARROW: [f64; 2] = [0.84, 0.6];
 /// Pieces of a seam.
-const SEAM: usize = 120;
+const SEAM: usize = 72;
 
 /// Meshes with their colours.
 pub type Pieces = Vec<(TriangleMesh, Colour)>;
