@@ -126,8 +126,8 @@ enum Command {
     /// Measures the links to a real arm and its cameras, and predicts its catch rate
     ///
     /// For ten seconds the driver holds the arm. It measures jitter, losses, latency and clock drift, and the
-    /// cameras' rates and depth noise. Then the arena throws with these figures: at the cell's `speed_scaling`,
-    /// and at full speed.
+    /// cameras' rates and depth noise. Then the arena throws with these figures: at the cell's
+    /// `speed_scaling`, and at full speed.
     Doctor(doctor::DoctorArguments),
 }
 
