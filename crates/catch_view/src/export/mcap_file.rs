@@ -21,8 +21,8 @@
 //! and torques, `/object/true` and the object's frame and shape are absent.
 //!
 //! Metadata: `recording` (title, version, and every how manieth tick's images are in the file), and of a
-//! simulated throw `scene` (object, throw, seed, index), `scenario` (its TOML) and `outcome` (each column of a
-//! row of an evaluation, as JSON).
+//! simulated throw `scene` (object, throw, seed, index), `scenario` (its TOML) and `outcome` (each column of
+//! a row of an evaluation, as JSON).
 
 mod messages;
 mod scene;
