@@ -29,6 +29,7 @@ mod list;
 mod merge;
 mod new;
 mod object;
+mod opening;
 mod place_cameras;
 mod plan;
 mod play;

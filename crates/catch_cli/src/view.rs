@@ -2,11 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    env,
-    ffi::OsStr,
-    fs,
     path::{Path, PathBuf},
-    process::{Command, Stdio},
 };
 
 use catch_body::InputError;
@@ -25,7 +21,7 @@ use catch_view::{
 };
 use clap::{Args, ValueEnum};
 
-use crate::{compare, screen};
+use crate::{compare, opening, screen};
 
 /// Arguments of `view`.
 #[derive(Debug, Args)]
@@ -150,26 +146,12 @@ pub fn run(arguments: &ViewArguments) -> anyhow::Result<()> {
 /// # Errors
 /// If nothing can be printed.
 pub fn show(page: &Path) -> anyhow::Result<()> {
-    if !has_display() {
+    if !opening::has_display() {
         screen::line("There is no display here; open this file in a browser elsewhere:")?;
-    } else if !open(page) {
+    } else if !opening::open(page) {
         screen::line("No browser could be started; open this file yourself:")?;
     }
     Ok(screen::line(&page.display().to_string())?)
-}
-
-/// Shows an address in a browser, if there is a display.
-pub fn open_address(address: &str) {
-    if has_display() {
-        open_with(OsStr::new(address));
-    }
-}
-
-/// Returns whether a browser has a display.
-pub fn has_display() -> bool {
-    let is_set = |name: &str| env::var_os(name).is_some_and(|it| !it.is_empty());
-    !cfg!(all(unix, not(target_os = "macos")))
-        || ["DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME"].into_iter().any(is_set)
 }
 
 /// Writes the page of two recordings beside the first one.
@@ -227,28 +209,4 @@ pub fn write_page(recording: &Path, playback: &Playback) -> anyhow::Result<PathB
     let page = recording.with_extension("html");
     whole_file::write(&page, catch_page::page(playback))?;
     Ok(page)
-}
-
-/// Asks the system to show a file; whether there was anybody to ask.
-fn open(page: &Path) -> bool {
-    // An absolute path cannot be taken for an option.
-    let page = fs::canonicalize(page).unwrap_or_else(|_| page.to_owned());
-    open_with(page.as_os_str())
-}
-
-fn open_with(what: &OsStr) -> bool {
-    let openers: &[&[&str]] = if cfg!(target_os = "macos") {
-        &[&["open"]]
-    } else if cfg!(target_os = "windows") {
-        &[&["explorer"]]
-    } else {
-        &[&["xdg-open"], &["gio", "open"], &["wslview"], &["sensible-browser"]]
-    };
-    let quiet = |opener: &&[&str]| {
-        let [program, options @ ..] = opener else { return false };
-        let mut command = Command::new(program);
-        command.args(options).arg(what).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-        command.spawn().is_ok()
-    };
-    openers.iter().any(quiet)
 }

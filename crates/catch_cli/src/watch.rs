@@ -30,7 +30,7 @@ use catch_view::{
 };
 use serde::Serialize;
 
-use crate::{screen, view};
+use crate::{opening, screen};
 
 const PAGE: &str = include_str!("watch/watch.html");
 /// Misses that the page lists, the last ones.
@@ -112,7 +112,7 @@ impl Watch {
         };
         thread::Builder::new().spawn(serve)?;
         screen::note(&format!("Watch it: {address}"));
-        view::open_address(&address);
+        opening::open_address(&address);
         Ok(Some(Self { state }))
     }
 
@@ -143,7 +143,7 @@ impl Watch {
         let started = Instant::now();
         let is_waiting = || {
             let state = locked(&self.state);
-            state.shown > 0 && state.shown < state.thrown || state.shown == 0 && view::has_display()
+            state.shown > 0 && state.shown < state.thrown || state.shown == 0 && opening::has_display()
         };
         while is_waiting() && started.elapsed() < FAREWELL {
             thread::sleep(Duration::from_millis(50));

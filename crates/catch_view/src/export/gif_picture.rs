@@ -119,8 +119,8 @@ impl Picture<'_> {
         times_s
     }
 
-    /// An image as numbers of the palette's colours: arm and flight, and around the catch hand and object, with
-    /// arm and flight in a corner.
+    /// An image as numbers of the palette's colours: arm and flight, and around the catch hand and object,
+    /// with arm and flight in a corner.
     fn image(&self, sample: &MotionSample) -> Vec<u8> {
         let lines = lines(self.playback, sample);
         let colours = if sample.time_s < self.playback.flight_end_s() - CLOSE_UP_S {

@@ -20,8 +20,9 @@
 //! Arm and object are as they truly were. In a recording without ground truth the arm is as it was sensed,
 //! and torques, `/object/true` and the object's frame and shape are absent.
 //!
-//! Metadata: `recording` (title, version, and every how manieth tick's images are in the file), and of a simulated throw `scene` (object, throw, seed, index),
-//! `scenario` (its TOML) and `outcome` (each column of a row of an evaluation, as JSON).
+//! Metadata: `recording` (title, version, and every how manieth tick's images are in the file), and of a
+//! simulated throw `scene` (object, throw, seed, index), `scenario` (its TOML) and `outcome` (each column of
+//! a row of an evaluation, as JSON).
 
 mod messages;
 mod scene;
