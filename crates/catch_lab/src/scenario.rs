@@ -403,7 +403,7 @@ mod tests {
         for (robot, method, settings, ready, name) in [
             (None, None, vec![], -1.308, "paper"),
             (Some("iiwa14"), Some(Method::Ours), vec![], -1.308, "paper"),
-            (Some("ur10e"), None, vec![], -0.785, "paper+robot=ur10e"),
+            (Some("ur10e"), None, vec![], -0.228, "paper+robot=ur10e"),
             (Some("ur10e"), None, vec![pose], 0.0, "paper+ready_rad=[0.0,-1.5,1.5,0.0,0.0,0.0]+robot=ur10e"),
             (None, Some(Method::Paper), vec![], -1.308, "paper+method=paper"),
         ] {
