@@ -101,8 +101,8 @@ impl Preparation {
     /// a scan.
     ///
     /// The arm is expected to wait at [`Robot::ready_q`] with its fingers as far apart as the
-    /// [grasps](GraspSet::widest_aperture_m) need; if it waits elsewhere, the first images take longer. `reach_map` is that of this arm and pose, if it is
-    /// [served](ReachMap::serves) by one.
+    /// [grasps](GraspSet::widest_aperture_m) need; if it waits elsewhere, the first images take longer.
+    /// `reach_map` is that of this arm and pose, if it is [served](ReachMap::serves) by one.
     ///
     /// # Errors
     /// A setting that is out of its range.

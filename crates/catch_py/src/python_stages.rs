@@ -225,8 +225,8 @@ impl Situation {
         Plan::new(decision, self.dof())
     }
 
-    /// A catch by a motion of one's own, the fingers as far apart before as they wait or as `aperture_m` says. The grasp is
-    /// where the gripper is at `catch_s`.
+    /// A catch by a motion of one's own, the fingers as far apart before as they wait or as `aperture_m`
+    /// says. The grasp is where the gripper is at `catch_s`.
     #[pyo3(signature = (trajectory, catch_s, aperture_m=None))]
     #[allow(non_snake_case)]
     fn catch(

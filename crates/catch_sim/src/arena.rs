@@ -68,8 +68,8 @@ pub struct Arena {
 }
 
 impl Arena {
-    /// The scene (`seed`, `index`): the object is released at t = 0, the arm waits at `ready_q` with its fingers
-    /// `width_m` apart.
+    /// The scene (`seed`, `index`): the object is released at t = 0, the arm waits at `ready_q` with its
+    /// fingers `width_m` apart.
     pub fn new(
         equipment: &Equipment,
         release: &Release,

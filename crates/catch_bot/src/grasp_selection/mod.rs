@@ -210,8 +210,8 @@ pub struct GraspSet {
     /// Rotations about the centre of mass under which the object looks the same: turned by one of them, a
     /// grasp holds it alike.
     pub symmetry: Symmetry,
-    /// The widest opening that any of the grasps asks for, in metres; `None` without grasps. A hand that waits no
-    /// wider has less to close: slow fingers that wait wide open for a thin object are late.
+    /// The widest opening that any of the grasps asks for, in metres; `None` without grasps. A hand that
+    /// waits no wider has less to close: slow fingers that wait wide open for a thin object are late.
     pub widest_aperture_m: Option<f64>,
     /// Closing and approaching direction of every grasp, in O.
     axes: Vec<[Vector3<f64>; 2]>,

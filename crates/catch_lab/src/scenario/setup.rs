@@ -245,8 +245,8 @@ impl Setup {
         Arena::new(self.equipment(), &self.release(seed, index), waiting, seed, index)
     }
 
-    /// Distance between the fingers of the waiting hand, in metres: as wide as the grasps of the object need, or
-    /// wide open where the method of planning says nothing.
+    /// Distance between the fingers of the waiting hand, in metres: as wide as the grasps of the object need,
+    /// or wide open where the method of planning says nothing.
     pub fn waiting_width_m(&self) -> f64 {
         let planner = self.scenario.brain.catch_planner(self.known(), 0);
         planner.waiting_width_m().unwrap_or(self.gripper.max_width_m)

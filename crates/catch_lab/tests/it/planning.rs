@@ -434,17 +434,19 @@ fn as_many_random_catches_as_one_likes_hold_when_recomputed() {
 }
 
 /// Catches that sampling shows feasible: joint positions and velocities within each joint's reach, and an
-/// object that flies along with them. Returns how many of how many are solved.
-fn solved_by(robot: &str, count: usize) -> (usize, usize) {
+/// object that flies along with them. The arm begins at rest at `from_rad`. Returns how many of how many are
+/// solved.
+fn solved_by(robot: &str, from_rad: &[f64], count: usize) -> (usize, usize) {
     let (robot, gripper) = planner_cases::arm(Some(robot), ("test", "robot")).unwrap();
     let planner = PosedPlanner::new(MotionPlanner::new(robot, gripper.clone(), Config::default()));
     let robot = planner.motion().robot();
     let mut rng = Pcg64::seed_from_u64(11);
-    let start = Start { time_s: 0.0, state: Setpoint::at_rest(robot.ready_q) };
+    let from = robot.checked_pose("test", "from_rad", from_rad).unwrap();
+    let start = Start { time_s: 0.0, state: Setpoint::at_rest(from) };
     let (mut solved, mut asked) = (0, 0);
     while asked < count {
         let catch_s = rng.random_range(0.3..0.7);
-        let (mut q, mut dq) = (robot.ready_q, JointVector::zeros());
+        let (mut q, mut dq) = (from, JointVector::zeros());
         for (i, joint) in robot.joints.iter().enumerate() {
             let limits = &joint.limits;
             let reach = ReachableSet {
@@ -456,7 +458,7 @@ fn solved_by(robot: &str, count: usize) -> (usize, usize) {
             let far = reach.displacements();
             let by = rng.random_range(far.low..far.high) * 0.9;
             q[i] = (q[i] + by).clamp(limits.lower + 0.03, limits.upper - 0.03);
-            let fast = reach.terminal_velocities(q[i] - robot.ready_q[i]);
+            let fast = reach.terminal_velocities(q[i] - from[i]);
             let middle = f64::midpoint(fast.low, fast.high);
             dq[i] = middle + 0.9 * (rng.random_range(fast.low..=fast.high) - middle);
         }
@@ -486,8 +488,12 @@ fn solved_by(robot: &str, count: usize) -> (usize, usize) {
 
 #[test]
 fn arms_of_other_kinds_catch_what_sampling_shows_feasible() {
-    for robot in ["panda", "ur10e", "iiwa14"] {
-        let (solved, asked) = solved_by(robot, 300);
+    for (robot, from_rad) in [
+        ("panda", [-0.785, 0.2, 0.0, -1.9, 0.0, 2.3, 0.785].as_slice()),
+        ("ur10e", &[-0.785, -1.9, 1.9, -1.57, -1.57, 0.0]),
+        ("iiwa14", &[-0.882, 1.344, 1.216, -1.203, 1.032, 1.712, 0.907]),
+    ] {
+        let (solved, asked) = solved_by(robot, from_rad, 300);
         assert!(solved * 100 >= asked * 95, "{robot}: {solved} of {asked}");
     }
 }
