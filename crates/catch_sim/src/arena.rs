@@ -70,13 +70,8 @@ pub struct Arena {
 impl Arena {
     /// The scene (`seed`, `index`): the object is released at t = 0, the arm waits at `ready_q` with its
     /// fingers `width_m` apart.
-    pub fn new(
-        equipment: &Equipment,
-        release: &Release,
-        (ready_q, width_m): (&JointVector, f64),
-        seed: u64,
-        index: u64,
-    ) -> Self {
+    pub fn new(equipment: &Equipment, release: &Release, waiting: (&JointVector, f64), seed: u64, index: u64) -> Self {
+        let (ready_q, width_m) = waiting;
         let Shared { config, robot, robot_with_gripper, gripper, object, cameras, .. } = &*equipment.shared;
         let conditions = Conditions::draw(config, object, seed, index);
         let true_robot = conditions.true_robot(robot);
