@@ -191,7 +191,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
 
     /// The move of the fingers to where they wait, if they stand elsewhere when a throw begins.
     fn opening(&mut self, observation: &Observation) -> Option<Vec<GripperMove>> {
-        let width_m = self.waiting_width_m();
+        let width_m = self.planner.waiting_width_m()?;
         let is_first = !std::mem::replace(&mut self.has_opened, true) && self.controller.plan().is_none();
         let must_move = is_first && (observation.gripper.width_m - width_m).abs() > WAITING_TOLERANCE_M;
         must_move.then(|| vec![opening(observation.time_s, width_m, self.known.search().motion().gripper())])

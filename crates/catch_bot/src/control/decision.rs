@@ -114,8 +114,7 @@ pub trait CatchPlanner {
     /// Plans the catch for the flight as it is predicted now.
     fn plan(&mut self, situation: &Situation<'_>) -> Decision;
 
-    /// Distance between the fingers that wait for a throw, in metres. They are wide open where the method
-    /// says nothing.
+    /// Distance between the fingers that wait for a throw, in metres; `None` leaves them where they stand.
     fn waiting_width_m(&self) -> Option<f64> {
         None
     }
