@@ -94,7 +94,7 @@ pub fn gripper_moves(
     if closing.start_s > now_s { vec![aperture, squeezing] } else { vec![squeezing] }
 }
 
-/// The move that opens the fingers as wide as a waiting hand.
+/// The move that brings the fingers this far apart, at once and as fast as they go.
 pub fn opening(now_s: f64, width_m: f64, gripper: &Gripper) -> GripperMove {
     let (speed_mps, force_n) = (gripper.max_speed_mps, gripper.max_force_n);
     GripperMove { start_s: now_s, width_m, speed_mps, force_n }
