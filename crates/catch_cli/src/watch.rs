@@ -58,7 +58,7 @@ struct Throw {
     source: Source,
 }
 
-/// What the page tells.
+/// State of the run as the page shows it.
 #[derive(Serialize)]
 struct State {
     title: String,
@@ -116,7 +116,7 @@ impl Watch {
         Ok(Some(Self { state }))
     }
 
-    /// Tells of a throw, with what makes its page.
+    /// Counts a throw, and keeps what makes its page.
     pub fn thrown(
         &self,
         scene: &Scene,

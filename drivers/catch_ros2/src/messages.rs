@@ -76,13 +76,15 @@ pub struct JointState {
 impl Message for JointState {}
 
 impl JointState {
-    /// Positions and velocities of the joints of an arm. None: one of them is not there.
+    /// Positions and velocities of the joints of an arm; `None` without a position of each. A broadcaster has
+    /// NaN for what its hardware does not measure: such a velocity counts as zero.
     pub fn of(&self, arm: &Arm) -> Option<[JointVector; 2]> {
         let mut found = [JointVector::zeros(); 2];
         for (i, joint) in arm.joints.iter().enumerate() {
             let at = self.name.iter().position(|it| *it == joint.name)?;
-            found[0][i] = *self.position.get(at)?;
-            found[1][i] = self.velocity.get(at).copied().unwrap_or(0.0);
+            let measured = |of: &[f64]| of.get(at).copied().filter(|it| it.is_finite());
+            found[0][i] = measured(&self.position)?;
+            found[1][i] = measured(&self.velocity).unwrap_or(0.0);
         }
         Some(found)
     }
@@ -237,6 +239,12 @@ mod tests {
         };
         let [q, dq] = state.of(&arm).unwrap();
         assert_eq!((q[0], q[6], dq), (6.0, 0.0, JointVector::zeros()));
+        state.velocity = vec![f64::NAN; state.name.len()];
+        assert_eq!(state.of(&arm), Some([q, dq]));
+        for unknown in [f64::NAN, f64::INFINITY] {
+            let unmeasured = JointState { position: vec![unknown; state.name.len()], ..state.clone() };
+            assert_eq!(unmeasured.of(&arm), None);
+        }
         state.name[3] = "another".to_owned();
         assert_eq!(state.of(&arm), None);
     }
