@@ -32,7 +32,7 @@ use super::{ChoiceArguments, MOST, OutputArguments, view, whole};
 use crate::{
     calibrate,
     screen::{self, BAD, FAINT, GOOD, STRONG},
-    watch::Watch,
+    watch::{self, Watch},
 };
 
 /// Arguments of `catch`.
@@ -100,7 +100,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     // A folder that cannot be written to is reported before anything is thrown.
     make_writable(&output.out, "--out")?;
 
-    let watch = Watch::start(*watch, &format!("Scenario {}", scene.scenario), 1)?;
+    let watch = Watch::start(*watch, &format!("Scenario {}", scene.scenario), Some(1))?;
     let aloud = !output.json;
     if aloud {
         title(&setup, &scene)?;
@@ -115,7 +115,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     written.insert("page", page.clone());
     if let Some(watch) = watch {
         let page = page.clone();
-        watch.thrown(&scene, verdict.reason, move || Ok(fs::read_to_string(&page)?));
+        watch.thrown(watch::label(&scene), verdict.reason, move || Ok(fs::read_to_string(&page)?));
         watch.end();
     }
 

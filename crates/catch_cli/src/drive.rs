@@ -1,7 +1,8 @@
 //! `catchingbot drive`: a real cell, through the driver that its file names.
 
 use std::{
-    env, io,
+    env,
+    io::{self, BufRead, BufReader},
     path::{Path, PathBuf},
     process,
 };
@@ -16,6 +17,14 @@ use catch_lab::{
 use catch_recording::{RecordedCell, bounded_file::FileKind, drive_job::DriveJob, whole_file::COMMAND_LINE};
 use clap::Args;
 
+use crate::{
+    screen,
+    watch::{self, Watch},
+};
+
+/// How a driver says where a recording is.
+const RECORDED: &str = "recorded: ";
+
 /// Arguments of `drive`.
 #[derive(Debug, Args)]
 pub struct DriveArguments {
@@ -25,6 +34,9 @@ pub struct DriveArguments {
     /// Nothing moves: plans are made of real images, checked and recorded
     #[arg(long)]
     dry_run: bool,
+    /// Shows each throw in a page on this machine as soon as it is recorded
+    #[arg(long)]
+    watch: bool,
     /// Folder for the recordings
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
@@ -34,8 +46,14 @@ pub struct DriveArguments {
 ///
 /// # Errors
 /// A fault in the cell's file; a driver that is missing or fails.
-pub fn run(DriveArguments { cell, dry_run, out }: &DriveArguments) -> anyhow::Result<()> {
-    start("drive", cell, out, *dry_run)
+pub fn run(DriveArguments { cell, dry_run, watch, out }: &DriveArguments) -> anyhow::Result<()> {
+    let title = if *dry_run { "Dry run" } else { "Drive" };
+    let watch = Watch::start(*watch, &format!("{title}: {}", cell.display()), None)?;
+    let driven = start("drive", cell, out, *dry_run, watch.as_ref());
+    if let Some(watch) = watch {
+        watch.end();
+    }
+    driven
 }
 
 /// Reads a cell's file and all that it names.
@@ -80,11 +98,11 @@ pub fn setup(path: &Path, more: &[String]) -> Result<(CellFile, Setup), InputErr
     Ok((links, setup))
 }
 
-/// Starts the driver with a task, and waits for its end.
+/// Starts the driver with a task, and waits for its end. What it records is watched.
 ///
 /// # Errors
 /// As [`run`].
-pub fn start(command: &str, path: &Path, out: &Path, dry_run: bool) -> anyhow::Result<()> {
+pub fn start(command: &str, path: &Path, out: &Path, dry_run: bool, watch: Option<&Watch>) -> anyhow::Result<()> {
     let (links, cell) = read(path)?;
     let driver = links.arm.driver.clone();
     let job = out.join(format!("{command}.job"));
@@ -94,8 +112,9 @@ pub fn start(command: &str, path: &Path, out: &Path, dry_run: bool) -> anyhow::R
     task.write(&job).with_context(|| job.display().to_string())?;
     let beside = env::current_exe().ok().map(|it| it.with_file_name(&driver)).filter(|it| it.exists());
     let program = beside.unwrap_or_else(|| PathBuf::from(&driver));
-    let ended = process::Command::new(&program).arg(command).arg(&job).status();
-    match ended {
+    let mut driving = process::Command::new(&program);
+    driving.arg(command).arg(&job);
+    match run_to_end(&mut driving, watch) {
         Ok(status) if status.success() => Ok(()),
         // It has said which field is wrong.
         Ok(status) if status.code() == Some(2) => {
@@ -113,4 +132,21 @@ pub fn start(command: &str, path: &Path, out: &Path, dry_run: bool) -> anyhow::R
         }
         Err(fault) => Err(fault).with_context(|| program.display().to_string()),
     }
+}
+
+/// Waits for the end of a driver, whose lines say what it has recorded.
+fn run_to_end(driving: &mut process::Command, watch: Option<&Watch>) -> io::Result<process::ExitStatus> {
+    let Some(watch) = watch else {
+        return driving.status();
+    };
+    let mut driver = driving.stdout(process::Stdio::piped()).spawn()?;
+    for line in driver.stdout.take().into_iter().flat_map(|it| BufReader::new(it).lines()) {
+        let line = line?;
+        if let Some(recording) = line.strip_prefix(RECORDED).map(PathBuf::from) {
+            let label = recording.display().to_string();
+            watch.thrown(label, None, move || watch::recorded(&recording));
+        }
+        screen::line(&line)?;
+    }
+    driver.wait()
 }

@@ -188,7 +188,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     }
     let rig = score.map(|it| RigDocument::of(&setup.scenario.flight_rig, &it));
     let pace = Pace::from(arguments);
-    let watch = Watch::start(arguments.watch, &format!("Scenario {}", setup.scenario.name), evaluation.len())?;
+    let watch = Watch::start(arguments.watch, &format!("Scenario {}", setup.scenario.name), Some(evaluation.len()))?;
     let done = complete(&evaluation, folder, pace, watch.as_ref())?;
     if let Some(watch) = watch {
         watch.end();
@@ -262,7 +262,7 @@ pub fn complete(
             |it: &&Arc<Setup>| (&it.scenario.object, &it.scenario.throw) == (&row.scene.object, &row.scene.throw);
         if let Some((watch, setup)) = watch.zip(setups.iter().find(is_of)) {
             let (setup, seed, index) = (setup.clone(), row.scene.seed, row.scene.index);
-            watch.thrown(&row.scene, row.verdict.reason, move || watch::again(&setup, seed, index));
+            watch.thrown(watch::label(&row.scene), row.verdict.reason, move || watch::again(&setup, seed, index));
         }
         rows.push(row);
         Ok(())

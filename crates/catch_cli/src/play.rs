@@ -107,7 +107,7 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     calibrate::before_throws(&play.setups[0], arguments.seed, !arguments.json)?;
     let setups: Vec<Arc<Setup>> =
         play.setups.iter().filter(|_| arguments.watch).map(|it| Arc::new(it.clone())).collect();
-    let watch = Watch::start(arguments.watch, "Many throws in one life", arguments.trials as usize)?;
+    let watch = Watch::start(arguments.watch, "Many throws in one life", Some(arguments.trials as usize))?;
     let bar = screen::progress_bar(arguments.trials as usize, "throws");
     let mut caught = 0;
     let life = play.run(&mut |row| {
@@ -117,7 +117,7 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
         let Row { scene, verdict, .. } = &row.row;
         if let Some((watch, setup)) = watch.as_ref().zip(setups.get(play.object(scene.index))) {
             let (setup, seed, index) = (setup.clone(), scene.seed, scene.index);
-            watch.thrown(scene, verdict.reason, move || watch::again(&setup, seed, index));
+            watch.thrown(watch::label(scene), verdict.reason, move || watch::again(&setup, seed, index));
         }
     })?;
     bar.finish_and_clear();

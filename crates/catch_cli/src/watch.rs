@@ -10,6 +10,7 @@ use std::{
     hash::{BuildHasher, RandomState},
     io::{self, Read, Write},
     net::{Ipv4Addr, TcpListener, TcpStream},
+    path::Path,
     sync::{
         Arc, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicUsize, Ordering},
@@ -62,7 +63,8 @@ struct Throw {
 #[derive(Serialize)]
 struct State {
     title: String,
-    total: usize,
+    /// Throws of the run; none where they come as they come, and nobody judges them.
+    total: Option<usize>,
     thrown: usize,
     caught: usize,
     last: Option<Throw>,
@@ -79,11 +81,12 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Begins to serve the page of `total` throws if it is wanted, says where, and opens it.
+    /// Begins to serve the page of `total` throws if it is wanted, says where, and opens it. No total means
+    /// throws that come as they come and that nobody judges.
     ///
     /// # Errors
     /// If the system lets nobody listen.
-    pub fn start(is_wanted: bool, title: &str, total: usize) -> io::Result<Option<Self>> {
+    pub fn start(is_wanted: bool, title: &str, total: Option<usize>) -> io::Result<Option<Self>> {
         if !is_wanted {
             return Ok(None);
         }
@@ -119,13 +122,12 @@ impl Watch {
     /// Counts a throw, and keeps what makes its page.
     pub fn thrown(
         &self,
-        scene: &Scene,
+        label: String,
         reason: Option<Reason>,
         source: impl Fn() -> anyhow::Result<String> + Send + Sync + 'static,
     ) {
         let mut state = locked(&self.state);
         state.thrown += 1;
-        let label = format!("{}, {}, throw {}", scene.object, scene.throw, scene.index).replace('_', " ");
         let reason = reason.map(|it| it.to_string());
         let throw = Throw { number: state.thrown, label, reason, source: Arc::new(source) };
         if throw.reason.is_some() {
@@ -151,11 +153,21 @@ impl Watch {
     }
 }
 
+/// What a throw is called.
+pub fn label(scene: &Scene) -> String {
+    format!("{}, {}, throw {}", scene.object, scene.throw, scene.index).replace('_', " ")
+}
+
+/// Makes the page of a recording.
+pub fn recorded(path: &Path) -> anyhow::Result<String> {
+    Ok(catch_page::page(&Playback::read(path)?))
+}
+
 /// Makes the page of a throw by throwing once more, which gives the same again.
 pub fn again(setup: &Setup, seed: u64, index: u64) -> anyhow::Result<String> {
     let folder = whole_file::unfinished_folder(&env::temp_dir().join("catchingbot-watch"))?;
     let thrown = recorded_throw::record(setup, seed, index, folder.path(), &mut |_| Ok(()))?;
-    Ok(catch_page::page(&Playback::read(&thrown.recording)?))
+    recorded(&thrown.recording)
 }
 
 fn locked(state: &Mutex<State>) -> MutexGuard<'_, State> {

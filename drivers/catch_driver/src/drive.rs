@@ -99,7 +99,12 @@ pub fn run<D: Driver>(job: &DriveJob) -> anyhow::Result<()> {
         let images = camera_socket::listen(Path::new(&job.links.cameras.socket), &known.cameras, &Clock::Host)?;
         let mut cell = DryCell::new(next_state, &bounds, ready_q, images)?;
         println!("dry run: nothing moves; Ctrl-C ends it");
-        return throw(&mut cell, &mut brain, &known, &job.out).map(drop).map_err(anyhow::Error::from);
+        while throw(&mut cell, &mut brain, &known, &job.out)? {
+            brain.reset();
+            cell.begin_again()?;
+        }
+        println!("no throw for {THROW_S} s");
+        return Ok(());
     }
     let key = EnablingKey::of_terminal()?;
     let driven = drive::<D>(job, (&bounds, hand), (&mut brain, &known), &key);
@@ -133,7 +138,7 @@ fn drive<D: Driver>(
                 println!("camera {camera}: {faults}");
             }
             match ended {
-                Ok(()) => Ok(()),
+                Ok(_) => Ok(()),
                 Err(Stopped::Cell(fault)) => Err(fault.error),
                 Err(Stopped::Recording(fault)) => Err(CellFault::ProtectiveStop { cause: fault.to_string() }),
             }
@@ -155,11 +160,12 @@ pub enum Stopped {
     Recording(#[from] io::Error),
 }
 
-/// Lets the brain act until a throw is over, and records it in the folder `out`.
+/// Lets the brain act until a throw is over, and records it in the folder `out`. Returns whether there was a
+/// throw: whether a plan was made.
 ///
 /// # Errors
 /// A cell that fails; a recording that cannot be written.
-pub fn throw<C>(cell: &mut C, brain: &mut ChosenBrain, known: &RecordedCell, out: &Path) -> Result<(), Stopped>
+pub fn throw<C>(cell: &mut C, brain: &mut ChosenBrain, known: &RecordedCell, out: &Path) -> Result<bool, Stopped>
 where
     C: catch_cell::Cell<Error = CellFault>,
 {
@@ -177,7 +183,10 @@ where
     });
     println!("recorded: {}", recorder.finish()?.display());
     match ended {
-        Ok(written) => Ok(written?),
+        Ok(written) => {
+            written?;
+            Ok(end_s.is_some())
+        }
         Err(fault) => Err(Stopped::Cell(fault)),
     }
 }

@@ -20,6 +20,8 @@ pub type NextState = Box<dyn FnMut() -> Result<(), String>>;
 /// A robot whose states are read, and an imagined arm that waits in its pose.
 pub struct DryCell {
     next_state: NextState,
+    bounds: Bounds,
+    q: JointVector,
     checker: Checker,
     images: Receiver<Arrived>,
     began_s: f64,
@@ -39,7 +41,17 @@ impl DryCell {
     ) -> Result<Self, CellFault> {
         let checker = Checker::new(bounds, q, 0).ok_or_else(|| lost("no motion is allowed"))?;
         next_state().map_err(lost)?;
-        Ok(Self { next_state, checker, images, began_s: Clock::Host.now_s(), time_s: 0.0 })
+        Ok(Self { next_state, bounds: bounds.clone(), q, checker, images, began_s: Clock::Host.now_s(), time_s: 0.0 })
+    }
+
+    /// Puts the imagined arm back to where it stood, and the cell's clock to zero.
+    ///
+    /// # Errors
+    /// As [`DryCell::new`].
+    pub fn begin_again(&mut self) -> Result<(), CellFault> {
+        self.checker = Checker::new(&self.bounds, self.q, 0).ok_or_else(|| lost("no motion is allowed"))?;
+        (self.began_s, self.time_s) = (Clock::Host.now_s(), 0.0);
+        Ok(())
     }
 }
 

@@ -21,6 +21,32 @@ impl Drop for Watched {
     }
 }
 
+/// Starts a command that is watched, and waits for the address of its page.
+fn watched(command: &mut Command) -> (Watched, String) {
+    let command = command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").stdout(Stdio::null());
+    let mut run = command.stderr(Stdio::piped()).spawn().unwrap();
+    let mut told = BufReader::new(run.stderr.take().unwrap());
+    let run = Watched(run);
+    let mut line = String::new();
+    told.read_line(&mut line).unwrap();
+    // What it says later is read, so that it may say more than a pipe holds.
+    thread::spawn(move || told.lines().count());
+    let address = line.trim().strip_prefix("Watch it: http://").unwrap_or_else(|| panic!("{line}"));
+    (run, address.to_owned())
+}
+
+/// Asks for the state until so many throws are over.
+fn state_after(thrown: u64, state: impl Fn() -> Value) -> Value {
+    for _ in 0..600 {
+        let seen = state();
+        if seen["thrown"].as_u64() >= Some(thrown) {
+            return seen;
+        }
+        thread::sleep(Duration::from_millis(100));
+    }
+    panic!("{}", state());
+}
+
 /// What is answered to a request as it stands.
 fn answer(host: &str, request: &str) -> String {
     let mut stream = TcpStream::connect(host).unwrap();
@@ -34,32 +60,16 @@ fn answer(host: &str, request: &str) -> String {
 #[test]
 fn the_page_follows_and_strangers_get_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let mut run = Command::new(env!("CARGO_BIN_EXE_catchingbot"))
+    let mut command = Command::new(env!("CARGO_BIN_EXE_catchingbot"));
+    command
         .args(["eval", "--watch", "--scenario", "paper", "--object", "banana", "--trials", "100000", "--threads", "1"])
-        .args(["--out", folder.path().join("out").to_str().unwrap()])
-        .env_remove("DISPLAY")
-        .env_remove("WAYLAND_DISPLAY")
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut told = BufReader::new(run.stderr.take().unwrap());
-    let _run = Watched(run);
-    let mut line = String::new();
-    told.read_line(&mut line).unwrap();
-    let address = line.trim().strip_prefix("Watch it: http://").unwrap_or_else(|| panic!("{line}")).to_owned();
+        .args(["--out", folder.path().join("out").to_str().unwrap()]);
+    let (_run, address) = watched(&mut command);
     let (host, path) = address.split_once('/').unwrap();
     assert!(host.starts_with("127.0.0.1:") && path.len() == 33, "{address}");
     let ask = |what: &str| answer(host, &format!("GET /{path}{what} HTTP/1.1\r\nHost: {host}\r\n\r\n"));
     let state = || serde_json::from_str::<Value>(ask("state").split_once("\r\n\r\n").unwrap().1).unwrap();
-    let mut seen = state();
-    for _ in 0..600 {
-        if seen["thrown"].as_u64() > Some(1) {
-            break;
-        }
-        thread::sleep(Duration::from_millis(100));
-        seen = state();
-    }
+    let seen = state_after(2, state);
     let (thrown, caught) = (seen["thrown"].as_u64().unwrap(), seen["caught"].as_u64().unwrap());
     assert!(thrown > 1 && seen["total"] == 100_000 && seen["is_over"] == false, "{seen}");
     assert_eq!(thrown - caught, seen["misses"].as_array().unwrap().len() as u64, "{seen}");
@@ -78,4 +88,35 @@ fn the_page_follows_and_strangers_get_nothing() {
     }
     assert_eq!(ask(&format!("throw?{}", u64::MAX)), "", "a throw that never was");
     assert_eq!(answer(host, &format!("GET /{path}{} HTTP/1.1\r\n", "x".repeat(20_000))), "", "a request without end");
+}
+
+#[cfg(unix)]
+#[test]
+fn what_a_driver_records_is_shown() {
+    use std::{fs, os::unix::fs::PermissionsExt};
+
+    let folder = tempfile::tempdir().unwrap();
+    let catchingbot = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_catchingbot"));
+        command.current_dir(folder.path());
+        command
+    };
+    for arguments in ["new cell my_cell", "catch --out thrown --json"] {
+        assert!(catchingbot().args(arguments.split(' ')).output().unwrap().status.success(), "{arguments}");
+    }
+    let recordings = fs::read_dir(folder.path().join("thrown")).unwrap().map(|it| it.unwrap().path());
+    let recording = recordings.into_iter().find(|it| it.extension().is_some_and(|it| it == "catch")).unwrap();
+    let driver = folder.path().join("recorder");
+    fs::write(&driver, format!("#!/bin/sh\necho hold a key\necho recorded: {}\nsleep 60\n", recording.display()))
+        .unwrap();
+    fs::set_permissions(&driver, fs::Permissions::from_mode(0o755)).unwrap();
+    let cell = folder.path().join("my_cell.toml");
+    let text = fs::read_to_string(&cell).unwrap().replace("\"catch_franka\"", &format!("{driver:?}"));
+    fs::write(&cell, text).unwrap();
+    let (_run, address) = watched(catchingbot().args(["drive", "my_cell.toml", "--dry-run", "--watch"]));
+    let (host, path) = address.split_once('/').unwrap();
+    let ask = |what: &str| answer(host, &format!("GET /{path}{what} HTTP/1.1\r\nHost: {host}\r\n\r\n"));
+    let seen = state_after(1, || serde_json::from_str(ask("state").split_once("\r\n\r\n").unwrap().1).unwrap());
+    assert!(seen["total"].is_null() && seen["misses"] == Value::Array(Vec::new()), "nobody judges: {seen}");
+    assert!(ask("throw?1").contains("<title>"), "the recording's page");
 }
