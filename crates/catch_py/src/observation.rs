@@ -191,11 +191,16 @@ impl DepthFrame {
             Some(window) => read_window(window, [width, height])?,
         };
         let depths = depths.as_slice()?;
-        // Without an early end, which would keep the compiler from comparing several at a time.
-        if depths.iter().fold(false, |is_negative, depth| is_negative | (*depth < 0.0)) {
+        // Without an early end, which would keep the compiler from taking several at a time.
+        let mut is_negative = false;
+        let of_contract = |&depth: &f32| {
+            is_negative |= depth < 0.0;
+            if depth > 0.0 && depth < f32::INFINITY { depth } else { f32::NAN }
+        };
+        let depth_m = depths.iter().map(of_contract).collect();
+        if is_negative {
             return Err(fault("depth_m", "one below zero", "depths of zero or more"));
         }
-        let depth_m = depths.iter().map(|&it| if it > 0.0 && it < f32::INFINITY { it } else { f32::NAN }).collect();
         let mask = mask.map(|mask| {
             let mask: PyReadonlyArray2<'_, bool> = rows(mask, "mask", "b", "bool")?;
             let [rows, columns] = [0, 1].map(|axis| mask.shape()[axis]);

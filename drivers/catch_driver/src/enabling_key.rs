@@ -7,11 +7,10 @@ use std::{
     process::{self, Command, Stdio},
     sync::{
         Arc,
-        atomic::{AtomicBool, Ordering},
-        mpsc,
+        atomic::{AtomicU64, Ordering},
     },
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use anyhow::ensure;
@@ -26,18 +25,38 @@ const CTRL_C: u8 = 3;
 const INTERRUPTED: i32 = 130;
 
 /// State of the enabling key, for all threads.
-#[derive(Debug, Clone, Default)]
-pub struct EnablingKey(Arc<AtomicBool>);
+#[derive(Debug, Clone)]
+pub struct EnablingKey {
+    began: Instant,
+    /// Time from the beginning until which the key counts as held, in nanoseconds.
+    held_until_ns: Arc<AtomicU64>,
+}
+
+impl Default for EnablingKey {
+    fn default() -> Self {
+        Self { began: Instant::now(), held_until_ns: Arc::default() }
+    }
+}
 
 impl EnablingKey {
     /// Returns whether the key is held.
     pub fn is_held(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.is_held_after(self.began.elapsed())
     }
 
     /// Holds or releases the key.
     pub fn set(&self, is_held: bool) {
-        self.0.store(is_held, Ordering::Relaxed);
+        self.held_until_ns.store(if is_held { u64::MAX } else { 0 }, Ordering::Relaxed);
+    }
+
+    fn is_held_after(&self, elapsed: Duration) -> bool {
+        nanoseconds(elapsed) < self.held_until_ns.load(Ordering::Relaxed)
+    }
+
+    /// Takes notice of a press, or of a repetition.
+    fn press(&self, elapsed: Duration) {
+        let patience = if self.is_held_after(elapsed) { REPEAT } else { FIRST_REPEAT };
+        self.held_until_ns.store(nanoseconds(elapsed + patience), Ordering::Relaxed);
     }
 
     /// The key of the terminal: any that is held, without echo. Ctrl-C ends the program.
@@ -51,7 +70,8 @@ impl EnablingKey {
         );
         // Keys come one by one, Ctrl-C too: by a signal the terminal would stay so.
         stty(["-icanon", "-echo", "-isig"]);
-        let (pressed, presses) = mpsc::channel();
+        let key = Self::default();
+        let pressed = key.clone();
         thread::spawn(move || {
             let mut byte = [0];
             while io::stdin().read(&mut byte).is_ok_and(|count| count > 0) {
@@ -59,28 +79,15 @@ impl EnablingKey {
                     restore_terminal();
                     process::exit(INTERRUPTED);
                 }
-                if pressed.send(()).is_err() {
-                    break;
-                }
+                pressed.press(pressed.began.elapsed());
             }
         });
-        let key = Self::default();
-        let held = key.clone();
-        thread::spawn(move || held.follow(&presses));
         Ok(key)
     }
+}
 
-    /// Follows key presses until their sender is gone.
-    fn follow(&self, presses: &mpsc::Receiver<()>) {
-        while presses.recv().is_ok() {
-            self.set(true);
-            let mut patience = FIRST_REPEAT;
-            while presses.recv_timeout(patience).is_ok() {
-                patience = REPEAT;
-            }
-            self.set(false);
-        }
-    }
+fn nanoseconds(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }
 
 /// Gives the terminal back its lines, echo and signals.
@@ -99,21 +106,21 @@ mod tests {
     #[test]
     fn a_key_is_held_while_it_repeats() {
         let key = EnablingKey::default();
-        let (pressed, presses) = mpsc::channel();
-        let held = key.clone();
-        let thread = thread::spawn(move || held.follow(&presses));
-        assert!(!key.is_held());
-        pressed.send(()).unwrap();
-        thread::sleep(FIRST_REPEAT / 2);
-        assert!(key.is_held(), "before the keyboard repeats");
+        let mut time = Duration::from_secs(3);
+        assert!(!key.is_held_after(time));
+        key.press(time);
+        assert!(key.is_held_after(time + FIRST_REPEAT * 9 / 10), "before the keyboard repeats");
+        assert!(!key.is_held_after(time + FIRST_REPEAT), "pressed and released");
+        time += FIRST_REPEAT / 2;
         for _ in 0..10 {
-            pressed.send(()).unwrap();
-            thread::sleep(REPEAT / 4);
-            assert!(key.is_held());
+            key.press(time);
+            time += REPEAT / 2;
+            assert!(key.is_held_after(time));
         }
-        thread::sleep(REPEAT * 2);
-        assert!(!key.is_held(), "released");
-        drop(pressed);
-        thread.join().unwrap();
+        assert!(!key.is_held_after(time + REPEAT / 2), "released");
+        key.set(true);
+        assert!(key.is_held());
+        key.set(false);
+        assert!(!key.is_held());
     }
 }

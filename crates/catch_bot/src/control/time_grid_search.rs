@@ -69,9 +69,9 @@ impl TimeGridSearch {
         }
     }
 
-    /// Corrects a running catch: the same catch adjusted, else a little sooner or later, else the old motion
-    /// while it is good enough, else another catch, else as near to it as the arm can still come. Another
-    /// catch also takes the place of one that promised more than it now does.
+    /// Corrects a running catch: the same catch adjusted, or a little sooner or later. Another one takes its
+    /// place where its approach is blocked, or where it promised more than it now does. Where there is none of
+    /// these the hand comes as near as the arm can, and at last the old motion stays.
     fn replan(&self, situation: &Situation<'_>, incoming: &Incoming<'_>, running: &CatchPlan) -> Decision {
         let (start, search) = (&situation.start, &self.search);
         let to = Correction::new(start, incoming, running, running.catch_s);

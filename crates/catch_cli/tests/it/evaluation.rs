@@ -185,10 +185,13 @@ fn results_are_not_lost_by_mistake() {
     let before = files(folder.path());
     for (mistake, hint) in [
         (&["--trials", "1"][..], "--resume"),
-        (&["--trials", "1", "--resume", "--seed", "9"], "seed"),
+        (
+            &["--trials", "1", "--resume", "--seed", "9"],
+            "seed: found results of another evaluation, with 1, expected 9;",
+        ),
         (&["--trials", "1", "--resume", "--throw", "far"], "cells"),
         (&["--trials", "1", "--resume", "--scenario", "as-published"], "cells"),
-        (&["--trials", "1", "--resume", "--set", "arena.friction=0.5"], "cells"),
+        (&["--trials", "1", "--resume", "--set", "arena.friction=0.5"], "cells[0].arena.friction: found"),
         (&["--trials", "0"], "0"),
         (&["--trials", "1", "--throw", "near_sampled"], "twice"),
     ] {

@@ -14,6 +14,7 @@ use std::{
 };
 
 use catch_body::InputError;
+use serde_json::Value;
 
 use crate::evaluation::{Evaluation, Identity, Row, summary_table, trial_table};
 use catch_recording::{
@@ -257,18 +258,36 @@ fn check_identity(path: &Path, identity: &Identity) -> Result<(), InputError> {
 }
 
 fn compare(file: &str, found: &Identity, identity: &Identity) -> Result<(), InputError> {
-    let differing = [
-        ("version", found.version != identity.version),
-        ("seed", found.seed != identity.seed),
-        ("first", found.first != identity.first),
-        ("cells", found.cells != identity.cells || found.throws_are_fixed != identity.throws_are_fixed),
-    ];
-    match differing.iter().find(|(_, differs)| *differs) {
-        None => Ok(()),
-        Some((field, _)) => {
-            let expected = "the same scenario, objects, throws, seed, first throw and version; or another folder";
-            Err(InputError::new(file, field, "results of another evaluation", expected))
+    if found == identity {
+        return Ok(());
+    }
+    let [theirs, ours] = [found, identity].map(|it| serde_json::to_value(it).unwrap_or_default());
+    let (field, found, asked) = difference("", &theirs, &ours).unwrap_or_default();
+    Err(InputError::new(
+        file,
+        field,
+        format!("results of another evaluation, with {found}"),
+        format!("{asked}; or another folder"),
+    ))
+}
+
+/// The first field in which two documents differ, and what each has there.
+fn difference(field: &str, first: &Value, second: &Value) -> Option<(String, String, String)> {
+    let whole = |value: &Value| match value {
+        Value::Object(_) => "a table".to_owned(),
+        Value::Array(values) => format!("{} values", values.len()),
+        Value::Null => "none".to_owned(),
+        value => value.to_string(),
+    };
+    match (first, second) {
+        (Value::Object(ours), Value::Object(theirs)) => ours.keys().chain(theirs.keys()).find_map(|key| {
+            let field = if field.is_empty() { key.clone() } else { format!("{field}.{key}") };
+            difference(&field, ours.get(key).unwrap_or(&Value::Null), theirs.get(key).unwrap_or(&Value::Null))
+        }),
+        (Value::Array(ours), Value::Array(theirs)) if ours.len() == theirs.len() => {
+            (ours.iter().zip(theirs).enumerate()).find_map(|(i, (a, b))| difference(&format!("{field}[{i}]"), a, b))
         }
+        _ => (first != second).then(|| (field.to_owned(), whole(first), whole(second))),
     }
 }
 

@@ -8,7 +8,7 @@ use catch_cell::cell_file::SafeBox;
 use catch_driver::{
     camera_socket, cell::DrivenCell, checker::Bounds, clock::Clock, drive, enabling_key::EnablingKey, hand::Hand,
 };
-use catch_franka::{control, franka_hand, margin};
+use catch_franka::{allow_contact, control, franka_hand, margin};
 use catch_recording::{
     RecordingReader,
     replay::{RECORDED, brain_of},
@@ -42,6 +42,7 @@ fn thrown(recording: &Path, folder: &Path) -> Result<[String; 2], String> {
     let arguments = [file.as_str(), &ports[0], &ports[1], &place];
     let mut scene = Server::run("throw.py", arm_address, arguments.into_iter());
     let robot = scene.connect();
+    allow_contact(&robot, &arm).unwrap();
     let hand = Hand::new(franka_hand::connect(&hand_address).unwrap(), clock.clone()).unwrap();
 
     let mut brain = brain_of(&known).unwrap();
