@@ -21,7 +21,7 @@ use crate::{
 pub use config::CycleConfig;
 use explained::Explained;
 
-/// Images after which an object in flight is told from the others: with the first one nothing has moved yet.
+/// Images after which an object in flight is identified: with the first one nothing has moved yet.
 const IDENTIFY_IMAGES: usize = 3;
 /// Least speed of an object in flight, in m/s.
 const MIN_FLIGHT_MPS: f64 = 0.5;
@@ -50,7 +50,7 @@ const LEAST_SPAN_S: f64 = 0.005;
 pub enum Phase {
     /// The arm stands in its ready pose; nothing flies that is known.
     Waiting,
-    /// An object flies, and has been told from the others.
+    /// An object is in flight, and identified.
     Catching,
     /// The object is between the fingers, and the arm stands still.
     Holding,

@@ -60,8 +60,8 @@ pub fn run(arguments: &GripperLatencyArguments) -> anyhow::Result<()> {
     screen::fact("half of the moves", &format!("{:.1} to {:.1} ms", low_s * 1e3, high_s * 1e3))?;
     screen::fact("moves", &format!("{} in {} recordings", moves.len(), arguments.recordings.len()))?;
     screen::fact(
-        "not of use",
-        &format!("{late} arrived late, {not_at_rest} began in motion, {not_moved} without a motion seen"),
+        "unusable moves",
+        &format!("{late} that arrived late, {not_at_rest} of moving fingers, {not_moved} in which no finger moved"),
     )?;
     Ok(screen::fact("setting", &setting)?)
 }

@@ -82,17 +82,17 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// One throw: its story as it happens, the outcome, a recording
+    /// Throws once: shows the events as they happen and the outcome, and writes a recording and a page
     Catch(Box<catch::CatchArguments>),
-    /// Many throws: a table, and a row per trial on disk; or parts of an evaluation become one
+    /// Throws many times: prints a table, writes a row per trial; or merges parts of an evaluation
     Eval(Box<eval::EvalArguments>),
-    /// Many throws in one life: the arm catches, holds, puts down and returns until the next throw
+    /// Throws many times to one arm, which holds what it caught, puts it down and returns for the next throw
     Play(Box<play::PlayArguments>),
     /// Lists what is built in: scenarios, objects, throws, robots, grippers, workcells and camera rigs
     List(list::ListArguments),
-    /// Plans for catches that are described in a file, with residuals and times
+    /// Plans motions for the catches that a file describes, with residuals and times
     Plan(plan::PlanArguments),
-    /// A flight through a recorded track, and where it goes on to
+    /// Fits a flight to a recorded track, and predicts where it goes on
     Predict(predict::PredictArguments),
     /// Learns a prior on an object's flights from recorded throws, for `predict`
     Learn(learn::LearnArguments),
@@ -100,24 +100,24 @@ enum Command {
     Calibrate(Box<calibrate::CalibrateArguments>),
     /// Finds camera poses that determine the throws of a scenario best: a rig file, a table, a page
     PlaceCameras(Box<place_cameras::PlaceCamerasArguments>),
-    /// The best waiting pose for a distribution of throws
+    /// Finds the best waiting pose of an arm for a distribution of throws
     Ready(ready::ReadyArguments),
-    /// Things to throw that others described
+    /// Imports objects from meshes, scans, depth images, SDF and URDF
     Object(object::ObjectArguments),
-    /// Arms that others described
+    /// Imports arms from URDF
     Robot(robot::RobotArguments),
-    /// The pose of one point cloud against another, or against a mesh
+    /// Registers a point cloud against another, or against a mesh
     Register(register::RegisterArguments),
-    /// The brain once more on the observations of a recording: does it want the same, bit for bit?
+    /// Runs the brain again on the observations of a recording, and compares every command bit for bit
     Replay(replay::ReplayArguments),
-    /// Throws in the formats of other tools
+    /// Exports throws to the formats of other tools
     Export(Box<export::ExportArguments>),
-    /// A recording in the browser: three dimensions, a time slider, plots; two recordings on one slider; two
+    /// Shows a recording in the browser, in three dimensions with plots; two recordings on one slider; two
     /// evaluations compared throw by throw
     View(view::ViewArguments),
     /// Measures the delay of a gripper before a move, from recordings: the setting gripper_latency_s
     GripperLatency(gripper_latency::GripperLatencyArguments),
-    /// A commented file to start from: your own robot, gripper, workcell, cameras, object, throw or
+    /// Writes a commented file to start from: your own robot, gripper, workcell, cameras, object, throw or
     /// scenario, a real cell, or sample data
     New(new::NewArguments),
     /// Checks the files of robots, grippers, workcells, objects, throws, rigs, scenarios and cells

@@ -152,7 +152,7 @@ fn tell(table: &Table, life: &Life, document: &Document, alone: Option<usize>) -
         screen::fact("each throw alone", &format!("{alone} of {throws}"))?;
     }
     screen::fact("put down", &format!("{placed} of {caught}"))?;
-    screen::fact("told from the others", &format!("{identified} of {throws}"))?;
+    screen::fact("identified", &format!("{identified} of {throws}"))?;
     screen::fact("limits", &format!("{broken} broken by commands, {exceeded} exceeded by the motion, as at impacts"))?;
     let mut told = Vec::new();
     for (i, row) in life.rows.iter().enumerate() {

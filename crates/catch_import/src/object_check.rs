@@ -96,7 +96,10 @@ fn notes_of_model(object: &ThrownObject, reference: &ReferenceModel) -> Vec<Stri
         ),
     ];
     if off_m > CENTRE_OFF_M || (volumes[0] / volumes[1] - 1.0).abs() > VOLUME_OFF {
-        notes.push("warning: the model is not this object; thin walls and deep openings are hard to scan".to_owned());
+        notes.push(
+            "warning: the brain's model differs from the mesh; thin walls and deep openings are hard to scan"
+                .to_owned(),
+        );
     }
     notes
 }

@@ -87,7 +87,7 @@ fn worked_out(robot: &Robot) -> ReachMap {
             samples.draw(chunk);
             if shows {
                 let percent = 100 * (chunk + 1) / CHUNKS;
-                let _ = write!(io::stderr(), "\rwhere {} can be when, worked out once: {percent} %", robot.name);
+                let _ = write!(io::stderr(), "\rreachable set of {}, computed once: {percent} %", robot.name);
             }
         }
     };

@@ -97,8 +97,11 @@ impl Timeline {
             self.tell(now, Event::FirstTrajectory, format!("{} poses agree", flight.inliers));
         }
         if let Some(plan) = &report.plan {
-            let detail =
-                format!("catch at {:.3} s, moving along at {:.0} %", plan.catch_s, plan.speed_fraction * 100.0);
+            let detail = format!(
+                "catch at {:.3} s, at {:.0} % of the object's speed",
+                plan.catch_s,
+                plan.speed_fraction * 100.0
+            );
             if !self.planned {
                 self.planned = true;
                 self.tell(now, Event::FirstPlan, detail);

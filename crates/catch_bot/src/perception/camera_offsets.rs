@@ -29,7 +29,7 @@ type Sighting<'a> = (usize, &'a ObjectPose, f64, Vector3<f64>);
 const IMAGE_SD_M: f64 = 0.001;
 /// Images of a camera that tell something.
 const MIN_IMAGES: f64 = 4.0;
-/// Cameras of which one can be told from the others.
+/// Cameras among which one that differs can be found.
 pub const MIN_CAMERAS: usize = 3;
 /// Fraction by which the estimate from earlier throws counts after each new one.
 const REMEMBERED: f64 = 0.8;

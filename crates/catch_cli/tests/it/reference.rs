@@ -52,7 +52,7 @@ fn push_command(page: &mut String, command: &Command, name: &str) {
 fn settings_are_as_the_sources_have_them() {
     let about = "Every setting of a scenario, with its default and the values that it may have. A setting is a field of a TOML file, \
                  or an argument: `--set arena.friction=0.3`. What a file leaves out has the default; the built-in scenarios set some \
-                 of them otherwise (`catchingbot list --show paper`). No default: the setting has to be there, or it is optional.";
+                 of them otherwise (`catchingbot list --show paper`). Without a default a setting is required, or optional and unset.";
     is_current("scenario.md", &tables("Scenario", about, SCENARIO));
 }
 
