@@ -96,21 +96,8 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
         let expected = "0 to 600 seconds, all of which is simulated";
         return Err(InputError::new(COMMAND_LINE, "--every", arguments.every, expected).into());
     }
-    let mut objects: Vec<&str> = arguments.objects.iter().map(String::as_str).collect();
-    if objects.is_empty() {
-        objects = Kind::Object.names();
-    }
-    let load = |object: &str| Setup::load(&arguments.choice.with(Some(object), arguments.throw.as_deref()));
-    let mut setups: Vec<Setup> = Vec::new();
-    for object in objects {
-        let setup = load(object)?;
-        setups.push(match setups.first() {
-            Some(first) => setup.sharing_calibrations(first),
-            None => setup,
-        });
-    }
     let PlayArguments { trials: throws, every: every_s, seed, .. } = *arguments;
-    let play = Play { setups, throws, every_s, seed, folder: arguments.out.clone() };
+    let play = Play { setups: setups(arguments)?, throws, every_s, seed, folder: arguments.out.clone() };
     whole_file::check_new(&arguments.html, "--html")?;
     play.folder.as_ref().map_or(Ok(()), |it| whole_file::make_writable(it, "--out"))?;
     calibrate::before_throws(&play.setups[0], arguments.seed, !arguments.json)?;
@@ -155,6 +142,24 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
         screen::fact("recordings", &screen::command(&["view", &file.to_string_lossy()]))?;
     }
     Ok(())
+}
+
+/// Loads a setup for each object.
+fn setups(arguments: &PlayArguments) -> Result<Vec<Setup>, InputError> {
+    let mut objects: Vec<&str> = arguments.objects.iter().map(String::as_str).collect();
+    if objects.is_empty() {
+        objects = Kind::Object.names();
+    }
+    let load = |object: &str| Setup::load(&arguments.choice.with(Some(object), arguments.throw.as_deref()));
+    let mut setups: Vec<Setup> = Vec::new();
+    for object in objects {
+        let setup = load(object)?;
+        setups.push(match setups.first() {
+            Some(first) => setup.sharing_calibrations(first),
+            None => setup,
+        });
+    }
+    Ok(setups)
 }
 
 /// Prints the story of a life.
