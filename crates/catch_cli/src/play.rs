@@ -8,6 +8,7 @@ use catch_lab::{
     VERSION,
     assets::Kind,
     play::{EarlyEnd, Life, Play, PlayRow},
+    recording,
     referee::Row,
     scenario::{Scenario, setup::Setup},
 };
@@ -46,9 +47,12 @@ pub struct PlayArguments {
     /// Throw each one alone as well, as `eval` does, and tell both rates
     #[arg(long)]
     compare: bool,
-    /// Open a page that follows the run, on this machine only; it shows each throw alone
+    /// Open a page that follows the run, on this machine only; it shows each throw alone, or its recording
     #[arg(long)]
     watch: bool,
+    /// Write a recording of each throw to this folder, with the object being put down; `view` opens it
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
     /// Print one JSON document instead of the table
     #[arg(long)]
     json: bool,
@@ -89,21 +93,10 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
         let expected = "0 to 600 seconds, all of which is simulated";
         return Err(InputError::new(COMMAND_LINE, "--every", arguments.every, expected).into());
     }
-    let mut objects: Vec<&str> = arguments.objects.iter().map(String::as_str).collect();
-    if objects.is_empty() {
-        objects = Kind::Object.names();
-    }
-    let load = |object: &str| Setup::load(&arguments.choice.with(Some(object), arguments.throw.as_deref()));
-    let mut setups: Vec<Setup> = Vec::new();
-    for object in objects {
-        let setup = load(object)?;
-        setups.push(match setups.first() {
-            Some(first) => setup.sharing_calibrations(first),
-            None => setup,
-        });
-    }
-    let play = Play { setups, throws: arguments.trials, every_s: arguments.every, seed: arguments.seed };
+    let PlayArguments { trials: throws, every: every_s, seed, .. } = *arguments;
+    let play = Play { setups: setups(arguments)?, throws, every_s, seed, folder: arguments.out.clone() };
     whole_file::check_new(&arguments.html, "--html")?;
+    play.folder.as_ref().map_or(Ok(()), |it| whole_file::make_writable(it, "--out"))?;
     calibrate::before_throws(&play.setups[0], arguments.seed, !arguments.json)?;
     let setups: Vec<Arc<Setup>> =
         play.setups.iter().filter(|_| arguments.watch).map(|it| Arc::new(it.clone())).collect();
@@ -117,7 +110,11 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
         let Row { scene, verdict, .. } = &row.row;
         if let Some((watch, setup)) = watch.as_ref().zip(setups.get(play.object(scene.index))) {
             let (setup, seed, index) = (setup.clone(), scene.seed, scene.index);
-            watch.thrown(watch::label(scene), verdict.reason, move || watch::again(&setup, seed, index));
+            let recording = arguments.out.as_ref().map(|folder| recording::file(folder, scene));
+            watch.thrown(watch::label(scene), verdict.reason, move || match &recording {
+                Some(file) => watch::recorded(file),
+                None => watch::again(&setup, seed, index),
+            });
         }
     })?;
     bar.finish_and_clear();
@@ -136,7 +133,30 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     if let Some(path) = &arguments.html {
         screen::fact("page", &path.display().to_string())?;
     }
+    let shown = life.rows.iter().find(|it| it.placed == Some(true)).or(life.rows.first());
+    if let Some((folder, shown)) = arguments.out.as_ref().zip(shown) {
+        let file = recording::file(folder, &shown.row.scene);
+        screen::fact("recordings", &screen::command(&["view", &file.to_string_lossy()]))?;
+    }
     Ok(())
+}
+
+/// Loads a setup for each object.
+fn setups(arguments: &PlayArguments) -> Result<Vec<Setup>, InputError> {
+    let mut objects: Vec<&str> = arguments.objects.iter().map(String::as_str).collect();
+    if objects.is_empty() {
+        objects = Kind::Object.names();
+    }
+    let load = |object: &str| Setup::load(&arguments.choice.with(Some(object), arguments.throw.as_deref()));
+    let mut setups: Vec<Setup> = Vec::new();
+    for object in objects {
+        let setup = load(object)?;
+        setups.push(match setups.first() {
+            Some(first) => setup.sharing_calibrations(first),
+            None => setup,
+        });
+    }
+    Ok(setups)
 }
 
 /// Prints the story of a life.

@@ -1,7 +1,13 @@
 //! Many throws in one life: one arena, one brain that knows all objects, and a thrower who waits until the
 //! arm is ready.
 
-use std::fmt::{self, Display};
+mod throw_recorder;
+
+use std::{
+    fmt::{self, Display},
+    io,
+    path::{Path, PathBuf},
+};
 
 use catch_body::InputError;
 use catch_bot::{
@@ -13,7 +19,7 @@ use catch_sim::{
     Arena, Truth,
     random_streams::{Draws, Stream},
 };
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -24,7 +30,11 @@ use crate::{
     scenario::{Scenario, setup::Setup},
     trial::{self, EndWatch, StateSnapshot, Trial, stopwatch::Stopwatch},
 };
-use catch_recording::brain::{BrainSettings, ChosenCycle};
+use catch_recording::{
+    Tick,
+    brain::{BrainSettings, ChosenCycle},
+};
+use throw_recorder::ThrowRecorder;
 
 /// Longest time until the arm is ready again before it counts as stuck, in seconds of the cell's clock; the
 /// thrower's own pause does not count.
@@ -95,6 +105,8 @@ pub struct Play {
     pub every_s: f64,
     /// Seed of everything random.
     pub seed: u64,
+    /// Folder for a recording of each throw, if they are wanted.
+    pub folder: Option<PathBuf>,
 }
 
 impl Play {
@@ -115,7 +127,7 @@ impl Play {
     ///
     /// # Errors
     /// If the scenario does not say where objects are put down; a throw that [cannot be
-    /// thrown](Setup::check_throw).
+    /// thrown](Setup::check_throw); a recording that cannot be written.
     pub fn run(&self, on_row: &mut dyn FnMut(&PlayRow)) -> Result<Life, InputError> {
         let Scenario { name, brain: BrainSettings { cycle, .. }, .. } = &self.setups[0].scenario;
         let (place_q, of_cycle) = (self.setups[0].place_q()?, |field: &str| format!("brain.cycle.{field}"));
@@ -127,11 +139,8 @@ impl Play {
         let bots = self.setups.iter().map(|setup| setup.brain(self.seed, 0)).collect();
         let brain = CatchingCycle::new(cycle.clone(), place_q, bots)
             .map_err(|it| InputError::new(name, of_cycle(&it.field), it.found, it.expected))?;
-        let mut cell = LivingCell {
-            arena: self.setups[self.object(0)].arena(self.seed, 0),
-            brain,
-            stopwatch: Stopwatch::default(),
-        };
+        let arena = self.setups[self.object(0)].arena(self.seed, 0);
+        let mut cell = LivingCell { arena, brain, stopwatch: Stopwatch::default(), recorder: None };
         let place_W = {
             let Setup { robot, gripper, .. } = &self.setups[0];
             robot.gripper_pose(&place_q) * gripper.grasp_centre()
@@ -139,32 +148,10 @@ impl Play {
         let mut life =
             Life { rows: Vec::new(), duration_s: 0.0, violations_between: 0, excursions_between: 0, ended_early: None };
         for index in 0..self.throws {
-            let setup = &self.setups[self.object(index)];
-            if index > 0 {
-                cell.arena.throw_next(setup.equipment(), &setup.release(self.seed, index), self.seed, index);
-            }
-            setup.check_release(&cell.arena, self.seed, index)?;
-            let thrown_s = cell.arena.time_s();
-            let (trial, identified) = cell.trial(setup, thrown_s);
-            let verdict = referee::judge(setup, &trial);
-            let faulty_cameras = faulty_cameras(&trial.snapshots);
-            let ready = cell.until_ready(setup, thrown_s + self.every_s);
+            let (row, ready) = self.throw(&mut cell, index, &place_W)?;
             life.violations_between += ready.violations;
             life.excursions_between += ready.excursions;
-            // A world that has diverged stands still for good.
-            let diverged = trial.truth.diverged_s.map(|_| EarlyEnd::SimulationDiverged);
-            life.ended_early = diverged.or(ready.ended_early);
-            let caught = verdict.caught;
-            let row = PlayRow {
-                row: Row::new(setup, self.seed, index, verdict),
-                thrown_s,
-                identified: identified.map(|object| self.setups[object].scenario.object.clone()),
-                placed: caught.then(|| {
-                    let off_m = ready.left_W.map(|left_W| (left_W.xy() - place_W.coords.xy()).norm());
-                    off_m.is_some_and(|off_m| off_m < PLACED_WITHIN_M)
-                }),
-                faulty_cameras,
-            };
+            life.ended_early = ready.ended_early;
             on_row(&row);
             life.rows.push(row);
             life.duration_s = cell.arena.time_s();
@@ -174,6 +161,41 @@ impl Play {
         }
         Ok(life)
     }
+
+    /// One throw, until the arm is ready again.
+    fn throw(&self, cell: &mut LivingCell, index: u64, place_W: &Point3<f64>) -> Result<(PlayRow, Ready), InputError> {
+        let setup = &self.setups[self.object(index)];
+        if index > 0 {
+            cell.arena.throw_next(setup.equipment(), &setup.release(self.seed, index), self.seed, index);
+        }
+        setup.check_release(&cell.arena, self.seed, index)?;
+        let unwritten = |fault: io::Error| {
+            let folder = self.folder.as_deref().unwrap_or(Path::new("")).display();
+            InputError::unwritten(folder, &fault, "a folder that can be written, with room in it")
+        };
+        let thrown_s = cell.arena.time_s();
+        let begin = |folder: &PathBuf| ThrowRecorder::begin(folder, setup, (self.seed, index), thrown_s);
+        cell.recorder = self.folder.as_ref().map(begin).transpose().map_err(unwritten)?;
+        let (trial, identified) = cell.trial(setup, thrown_s).map_err(unwritten)?;
+        let verdict = referee::judge(setup, &trial);
+        if let Some(recorder) = &mut cell.recorder {
+            recorder.judged(&verdict, &trial.truth);
+        }
+        let faulty_cameras = faulty_cameras(&trial.snapshots);
+        let mut ready = cell.until_ready(setup, thrown_s + self.every_s).map_err(unwritten)?;
+        // A world that has diverged stands still for good.
+        ready.ended_early = trial.truth.diverged_s.map(|_| EarlyEnd::SimulationDiverged).or(ready.ended_early);
+        let off_m = ready.left_W.map(|left_W| (left_W.xy() - place_W.coords.xy()).norm());
+        let placed = verdict.caught.then(|| off_m.is_some_and(|off_m| off_m < PLACED_WITHIN_M));
+        let row = PlayRow {
+            row: Row::new(setup, self.seed, index, verdict),
+            thrown_s,
+            identified: identified.map(|object| self.setups[object].scenario.object.clone()),
+            placed,
+            faulty_cameras,
+        };
+        Ok((row, ready))
+    }
 }
 
 /// The arena and the brain that lives in it.
@@ -181,6 +203,8 @@ struct LivingCell {
     arena: Arena,
     brain: ChosenCycle,
     stopwatch: Stopwatch,
+    /// Recording of the present throw, until the arm waits again.
+    recorder: Option<ThrowRecorder>,
 }
 
 /// Result of a wait for the arm.
@@ -195,22 +219,26 @@ struct Ready {
 }
 
 impl LivingCell {
-    fn tick(&mut self, setup: &Setup) -> f64 {
+    fn tick(&mut self, setup: &Setup) -> io::Result<f64> {
         let Ok(observation) = self.arena.sense();
         self.stopwatch.start();
         let command = self.brain.tick(&observation, &mut self.stopwatch);
         self.stopwatch.stop();
+        if let Some(recorder) = &mut self.recorder {
+            let tick = Tick { observation: &observation, command: &command, report: self.brain.report() };
+            recorder.ticked(&tick, self.arena.truth())?;
+        }
         self.arena.act_after(setup.scenario.clock.delay_s(self.stopwatch.last_tick_s()), &command);
-        observation.time_s
+        Ok(observation.time_s)
     }
 
     /// Runs from the release to the end of the referee's test, with the clock set to zero at the release.
     /// Returns also the index of the object that the brain identified.
-    fn trial(&mut self, setup: &Setup, released_s: f64) -> (Trial, Option<usize>) {
+    fn trial(&mut self, setup: &Setup, released_s: f64) -> io::Result<(Trial, Option<usize>)> {
         let mut watch = EndWatch::of_release(&mut self.arena);
         let (mut snapshots, mut identified) = (Vec::new(), None);
         loop {
-            let time_s = self.tick(setup);
+            let time_s = self.tick(setup)?;
             if self.brain.phase() != Phase::Waiting {
                 identified.get_or_insert(self.brain.object());
                 let report = self.brain.report().map(|report| since(report, released_s));
@@ -218,18 +246,21 @@ impl LivingCell {
             }
             if watch.is_over(self.arena.truth()) {
                 let truth = truth_since(self.arena.take_truth(), released_s, setup.scenario.arena.step_s);
-                return (Trial { truth, snapshots, stopwatch: Stopwatch::default() }, identified);
+                return Ok((Trial { truth, snapshots, stopwatch: Stopwatch::default() }, identified));
             }
         }
     }
 
     /// Runs until the arm waits again, and at least until `earliest_s`.
-    fn until_ready(&mut self, setup: &Setup, earliest_s: f64) -> Ready {
+    fn until_ready(&mut self, setup: &Setup, earliest_s: f64) -> io::Result<Ready> {
         let mut ready = Ready { ended_early: None, violations: 0, excursions: 0, left_W: None };
         // Since when the arm has not been waiting.
         let mut busy_since_s = self.arena.time_s();
         loop {
             let truth = self.arena.take_truth();
+            if let Some(recorder) = &mut self.recorder {
+                recorder.moved(&truth.samples);
+            }
             ready.violations += truth.servo.command_violations.len();
             ready.excursions += truth.servo.motion_violations.len();
             // Round things roll on: what counts is where the hand has left it.
@@ -237,21 +268,21 @@ impl LivingCell {
                 ready.left_W = truth.samples.last().map(|it| it.X_WO.translation.vector);
             }
             let now_s = self.arena.time_s();
-            if truth.diverged_s.is_some() {
-                ready.ended_early = Some(EarlyEnd::SimulationDiverged);
-                return ready;
-            }
-            if self.brain.phase() == Phase::Waiting {
+            let is_waiting = self.brain.phase() == Phase::Waiting;
+            if is_waiting {
                 busy_since_s = now_s;
-                if now_s >= earliest_s - 1e-9 {
-                    return ready;
-                }
             }
-            if now_s > busy_since_s + STUCK_AFTER_S {
-                ready.ended_early = Some(EarlyEnd::Stuck);
-                return ready;
+            let ended_early = match truth.diverged_s {
+                Some(_) => Some(EarlyEnd::SimulationDiverged),
+                None => (now_s > busy_since_s + STUCK_AFTER_S).then_some(EarlyEnd::Stuck),
+            };
+            if is_waiting || ended_early.is_some() {
+                self.recorder.take().map(|it| it.finish(setup)).transpose()?;
             }
-            self.tick(setup);
+            if ended_early.is_some() || is_waiting && now_s >= earliest_s - 1e-9 {
+                return Ok(Ready { ended_early, ..ready });
+            }
+            self.tick(setup)?;
         }
     }
 }

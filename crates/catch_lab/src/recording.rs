@@ -4,17 +4,17 @@ pub mod gripper_latency;
 pub mod recorded_surface;
 pub mod recorded_throw;
 pub mod replay;
-mod story;
+pub(crate) mod story;
 pub mod throw_times;
 
 use std::{
     hash::{DefaultHasher, Hash, Hasher},
     io,
-    path::Path,
+    path::{Path, PathBuf},
 };
 
-use catch_body::InputError;
-use catch_recording::{Channel, RecordedCell, Recorder, RecordingReader};
+use catch_body::{InputError, quantity};
+use catch_recording::{Channel, EXTENSION, RecordedCell, Recorder, RecordingReader};
 use catch_sim::Truth;
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
@@ -41,6 +41,10 @@ pub struct Simulation {
     pub scene: Scene,
     /// The scenario, all choices made.
     pub scenario: Scenario,
+    /// Time of the release on the clock of many throws; `None` for a throw of its own. Such a recording
+    /// cannot be replayed: the brain remembers earlier throws.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "quantity::clock_s")]
+    pub thrown_s: Option<f64>,
 }
 
 impl Channel for Simulation {}
@@ -89,15 +93,21 @@ pub fn cell(setup: &Setup, seed: u64, index: u64) -> RecordedCell {
     }
 }
 
-/// Begins the recording of a scene in `folder`, which is made if it does not exist.
+/// Begins the recording of a scene in `folder`, which is made if it does not exist; `thrown_s` is the time of
+/// the release among many throws.
 ///
 /// # Errors
 /// If the folder or the file cannot be written.
-pub fn begin(folder: &Path, setup: &Setup, scene: &Scene) -> io::Result<Recorder> {
+pub fn begin(folder: &Path, setup: &Setup, scene: &Scene, thrown_s: Option<f64>) -> io::Result<Recorder> {
     let cell = cell(setup, scene.seed, scene.index);
     let title = format!("{}, {} throw", scene.object, scene.throw).replace('_', " ");
-    let simulation = Simulation { scene: scene.clone(), scenario: setup.scenario.clone() };
+    let simulation = Simulation { scene: scene.clone(), scenario: setup.scenario.clone(), thrown_s };
     Recorder::begin(folder, &file_stem(scene), title, cell, Some(simulation))
+}
+
+/// Recording of a scene in `folder`.
+pub fn file(folder: &Path, scene: &Scene) -> PathBuf {
+    folder.join(format!("{}.{EXTENSION}", file_stem(scene)))
 }
 
 /// Name of a scene's files, without ending.

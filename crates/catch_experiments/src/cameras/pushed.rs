@@ -69,7 +69,7 @@ fn pushed(rig: &str, seed: u64) -> Result<Pushed> {
 }
 
 fn life(setups: Vec<Setup>, seed: u64) -> Result<Vec<PlayRow>> {
-    Ok(Play { setups, throws: THROWS, every_s: 4.0, seed }.run(&mut |_| ())?.rows)
+    Ok(Play { setups, throws: THROWS, every_s: 4.0, seed, folder: None }.run(&mut |_| ())?.rows)
 }
 
 /// Lives in which no camera is pushed: how many throws, and in how many of these a camera is named.

@@ -6,7 +6,7 @@ use std::{
 };
 
 use catch_recording::{Ending, Recorder, timeline::Entry};
-use catch_sim::{ThrowConditions, TruthSample};
+use catch_sim::{ThrowConditions, Truth, TruthSample};
 
 use crate::{
     recording::{self, GroundTruth, recorded_surface::RecordedSurface, story::Story, throw_times::ThrowTimes},
@@ -49,7 +49,7 @@ pub fn record(
     folder: &Path,
     tell: &mut dyn FnMut(&Entry) -> io::Result<()>,
 ) -> io::Result<RecordedThrow> {
-    keep(recording::begin(folder, setup, &setup.scene(seed, index))?, setup, seed, index, tell)
+    keep(recording::begin(folder, setup, &setup.scene(seed, index), None)?, setup, seed, index, tell)
 }
 
 /// Throws once, and ends a recording with what came of it.
@@ -61,7 +61,7 @@ fn keep(
     tell: &mut dyn FnMut(&Entry) -> io::Result<()>,
 ) -> io::Result<RecordedThrow> {
     let mut timeline = Story::default();
-    let mut trial = trial::run(setup, seed, index, &mut |tick, truth| {
+    let trial = trial::run(setup, seed, index, &mut |tick, truth| {
         recorder.ticked(tick)?;
         timeline.ticked(tick, truth).iter().try_for_each(&mut *tell)
     })?;
@@ -70,26 +70,29 @@ fn keep(
     timeline.ended(&verdict, end_s).iter().try_for_each(&mut *tell)?;
     let times = ThrowTimes::of(&trial);
     let conditions = trial.truth.conditions.clone();
+    let (timeline, images_until_s) = (timeline.into_entries(), recorder.images_until_s());
+    let recording = finish(recorder, timeline.clone(), setup, (trial.truth, &verdict))?;
+    times.write(&recording)?;
+    Ok(RecordedThrow { recording, timeline, verdict, conditions, stopwatch: trial.stopwatch, images_until_s })
+}
+
+/// Ends a recording with its story and its outcome; returns its file.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn finish(
+    recorder: Recorder,
+    timeline: Vec<Entry>,
+    setup: &Setup,
+    (mut truth, verdict): (Truth, &Verdict),
+) -> io::Result<PathBuf> {
     let surface = RecordedSurface::from(&setup.object.mesh);
     let undisturbed_m =
-        verdict.catch_time_s.and_then(|catch_s| referee::undisturbed_position(&trial.truth, &setup.object, catch_s));
+        verdict.catch_time_s.and_then(|catch_s| referee::undisturbed_position(&truth, &setup.object, catch_s));
     let com_O = referee::true_com_O(setup);
-    thin(&mut trial.truth.samples);
-    let ground_truth =
-        Some(GroundTruth { truth: trial.truth, verdict: verdict.clone(), surface, com_O, undisturbed_m });
-    let timeline = timeline.into_entries();
-    let ending = Ending { timeline, ground_truth };
-    let images_until_s = recorder.images_until_s();
-    let recording = recorder.finish(&ending)?;
-    times.write(&recording)?;
-    Ok(RecordedThrow {
-        recording,
-        timeline: ending.timeline,
-        verdict,
-        conditions,
-        stopwatch: trial.stopwatch,
-        images_until_s,
-    })
+    thin(&mut truth.samples);
+    let ground_truth = Some(GroundTruth { truth, verdict: verdict.clone(), surface, com_O, undisturbed_m });
+    recorder.finish(&Ending { timeline, ground_truth })
 }
 
 /// Leaves out states that are nearer than [`STATES_S`] to the one before; never the last one.
@@ -115,7 +118,7 @@ mod tests {
     fn what_is_written_can_be_read() {
         let folder = tempfile::tempdir().unwrap();
         let setup = Setup::load(&Choice::default()).unwrap();
-        let mut recorder = recording::begin(folder.path(), &setup, &setup.scene(1, 0)).unwrap();
+        let mut recorder = recording::begin(folder.path(), &setup, &setup.scene(1, 0), None).unwrap();
         let room = recorder.leave_room(ROOM_WITHOUT_IMAGES + 1_000_000);
         let thrown = keep(recorder, &setup, 1, 0, &mut |_| Ok(())).unwrap();
         let until_s = thrown.images_until_s.unwrap();
@@ -154,7 +157,7 @@ mod tests {
     fn what_no_reader_would_take_is_not_written() {
         let folder = tempfile::tempdir().unwrap();
         let setup = Setup::load(&Choice::default()).unwrap();
-        let mut recorder = recording::begin(folder.path(), &setup, &setup.scene(1, 0)).unwrap();
+        let mut recorder = recording::begin(folder.path(), &setup, &setup.scene(1, 0), None).unwrap();
         recorder.leave_room(10_000);
         let fault = keep(recorder, &setup, 1, 0, &mut |_| Ok(())).unwrap_err();
         assert_eq!(fault.kind(), io::ErrorKind::FileTooLarge);

@@ -35,9 +35,13 @@ pub struct Replay {
 /// Replays a recording.
 ///
 /// # Errors
-/// If the file cannot be read to its end.
+/// If the file cannot be read to its end, or is the recording of one throw of many.
 pub fn replay(path: &Path) -> Result<Replay, InputError> {
     let mut reader = LabReader::open(path)?;
+    if reader.header.simulation.as_ref().is_some_and(|it| it.thrown_s.is_some()) {
+        let (found, expected) = ("a throw of many", "a throw of its own: this brain remembers earlier throws");
+        return Err(InputError::new(path.display(), "simulation.thrown_s", found, expected));
+    }
     let compared = compare(&mut reader)?;
     let header = reader.header;
     Ok(Replay {

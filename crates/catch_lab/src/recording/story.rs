@@ -13,21 +13,29 @@ use crate::referee::Verdict;
 pub struct Story {
     timeline: Timeline,
     samples_seen: usize,
+    /// Time of the release on the clock of the true states.
+    released_s: f64,
     touched: bool,
 }
 
 impl Story {
+    /// The story of a throw that is released at `released_s` on the clock of the true states; its own is zero
+    /// then.
+    pub fn since(released_s: f64) -> Self {
+        Self { released_s, ..Self::default() }
+    }
+
     /// Takes note of a tick and of the true motion so far; returns what can be told now.
     pub fn ticked(&mut self, tick: &Tick, truth: &Truth) -> &[Entry] {
         let told = self.timeline.entries().len();
         if let Some(sample) = truth.samples.first().filter(|_| told == 0) {
-            self.timeline.tell(sample.time_s, Event::Thrown, thrown(sample));
+            self.timeline.tell(sample.time_s - self.released_s, Event::Thrown, thrown(sample));
         }
         self.timeline.ticked(tick);
         let mut new = truth.samples[self.samples_seen..].iter();
         if let Some(sample) = new.find(|sample| sample.contact.gripper() && !self.touched) {
             self.touched = true;
-            self.timeline.tell(sample.time_s, Event::Contact, touched_by(sample));
+            self.timeline.tell(sample.time_s - self.released_s, Event::Contact, touched_by(sample));
         }
         self.samples_seen = truth.samples.len();
         &self.timeline.entries()[told..]

@@ -80,7 +80,7 @@ fn good_cameras_are_not_named() {
 #[test]
 fn a_camera_that_is_pushed_by_two_centimetres_is_named_within_ten_throws() {
     let fault = "{ camera = 2, kind = { pushed = { by_m = [0.0, 0.02, 0.0] } }, from_s = 12.0 }";
-    let play = Play { setups: vec![setup(&NEAR, fault)], throws: 12, every_s: 4.0, seed: 73 };
+    let play = Play { setups: vec![setup(&NEAR, fault)], throws: 12, every_s: 4.0, seed: 73, folder: None };
     let life = play.run(&mut |_| ()).unwrap();
     for row in &life.rows {
         let expected = FaultyCamera { camera: 2, status: CameraStatus::Displaced };

@@ -1,11 +1,15 @@
 //! Many throws in one life: what is caught, put down and told apart, and that the arm becomes ready again.
 
+use std::path::Path;
+
 use catch_body::JointVector;
 use catch_cell::executor::PeakRatios;
 use catch_lab::{
     play::Play,
+    recording::{self, LabReader, replay::replay},
     scenario::setup::{Choice, Setup},
 };
+use catch_recording::{Part, timeline::Event};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -23,12 +27,13 @@ fn setup(object: &str, throw: &str, settings: &[&str]) -> Setup {
 
 fn play(throw: &str, settings: &[&str], throws: u64) -> Play {
     let setups = ["tennis_ball", "banana", "pill_bottle"].map(|object| setup(object, throw, settings)).to_vec();
-    Play { setups, throws, every_s: 1.0, seed: 3 }
+    Play { setups, throws, every_s: 1.0, seed: 3, folder: None }
 }
 
 #[test]
 fn what_is_caught_in_one_life_is_told_apart_and_put_down() {
-    let play = play("near_sampled", &[], 7);
+    let folder = tempfile::tempdir().unwrap();
+    let play = Play { folder: Some(folder.path().to_owned()), ..play("near_sampled", &[], 7) };
     let mut told = 0;
     let life = play.run(&mut |_| told += 1).unwrap();
     assert_eq!((life.rows.len(), told, life.ended_early, life.violations_between), (7, 7, None, 0));
@@ -39,6 +44,7 @@ fn what_is_caught_in_one_life_is_told_apart_and_put_down() {
         assert_eq!(row.identified.as_deref(), Some(row.row.scene.object.as_str()), "{index}");
         assert_eq!(row.placed, Some(true), "{index}");
         assert_eq!(verdict.limit_violations, 0);
+        assert_shows_the_putting_down(&recording::file(folder.path(), &row.row.scene));
         objects.push(play.object(index as u64));
         // The throw as a trial of its own.
         let alone = play.alone(index as u64);
@@ -52,6 +58,31 @@ fn what_is_caught_in_one_life_is_told_apart_and_put_down() {
     for pair in life.rows.windows(2) {
         assert!(pair[1].thrown_s >= pair[0].thrown_s + play.every_s - 1e-9);
     }
+}
+
+/// The recording of one throw of many begins with its release and ends when the object lies on the floor; it
+/// is not replayed by a brain that knows no earlier throws.
+fn assert_shows_the_putting_down(file: &Path) {
+    let mut reader = LabReader::open(file).unwrap();
+    let (mut ticks_s, mut last) = (Vec::new(), None);
+    let ending = loop {
+        match reader.next_part().unwrap() {
+            Part::Tick(tick) => {
+                ticks_s.push(tick.observation.time_s);
+                last = Some(tick);
+            }
+            Part::Ending(ending) => break ending,
+        }
+    };
+    let (truth, last) = (ending.ground_truth.unwrap().truth, last.unwrap());
+    assert!((0.0..0.02).contains(&ticks_s[0]) && ticks_s.is_sorted(), "{ticks_s:?}");
+    let [first, end] = [&truth.samples[0], truth.samples.last().unwrap()];
+    assert!(first.time_s == 0.0 && (end.time_s - last.observation.time_s).abs() < 0.02 && end.X_WO.translation.z < 0.1);
+    let events: Vec<Event> = ending.timeline.iter().map(|it| it.event).collect();
+    assert_eq!((events[0], events[events.len() - 1]), (Event::Thrown, Event::Held));
+    assert!(ending.timeline.iter().all(|it| (0.0..3.0).contains(&it.time_s)), "{:?}", ending.timeline);
+    let fault = replay(file).unwrap_err().to_string();
+    assert!(fault.contains("simulation.thrown_s: found a throw of many"), "{fault}");
 }
 
 /// The thrower's own pause is not the arm's, however long.

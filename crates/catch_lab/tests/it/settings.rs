@@ -245,7 +245,7 @@ impl Where {
                 let _ = write!(out, "{:?}", arena.truth());
             }
             Life => {
-                let play = Play { setups: vec![setup], throws: 2, every_s: 1.0, seed: SEED };
+                let play = Play { setups: vec![setup], throws: 2, every_s: 1.0, seed: SEED, folder: None };
                 let life = play.run(&mut |_| ()).unwrap();
                 let _ = write!(out, "{:?}", life.rows.iter().map(|it| (it.thrown_s, it.placed)).collect::<Vec<_>>());
             }

@@ -41,13 +41,16 @@ const SURFACE = [`#version 300 es
   uniform mat4 view, model; in vec3 position, normal; out vec3 n, p;
   void main() { vec4 w = model * vec4(position, 1.0); p = w.xyz; n = mat3(model) * normal; gl_Position = view * w; }`, `#version 300 es
   precision highp float; uniform vec4 colour; uniform vec3 eye, sun; uniform float lit; in vec3 n, p; out vec4 o;
+  // What shades this body from the sun, as the ball that a matrix makes of it.
+  uniform mat4 caster; uniform vec3 beam;
   void main() {
     if (lit == 0.0) { o = colour; return; }
     vec3 N = normalize(n), E = normalize(eye - p); float facing = max(dot(N, E), 0.0);
     float shine = pow(max(dot(N, normalize(sun + E)), 0.0), 60.0), floorward = mix(smoothstep(-0.02, 0.3, p.z), 1.0, 0.45 + 0.45 * max(N.z, 0.0));
+    vec3 q = (caster * vec4(p, 1.0)).xyz; float along = min(dot(q, beam), 0.0), sunlit = lit > 1.0 ? smoothstep(0.5, 1.4, dot(q, q) - along * along + float(along == 0.0) * 9.0) : 1.0;
     // Light of sky and floor, of the sun, and a little from the camera; then a curve as of film.
-    vec3 light = mix(vec3(0.30, 0.29, 0.28), vec3(0.62, 0.65, 0.70), 0.5 + 0.5 * N.z) * floorward + vec3(0.95, 0.90, 0.82) * max(dot(N, sun), 0.0) + 0.16 * facing;
-    vec3 c = colour.rgb * colour.rgb * light + 0.10 * shine;
+    vec3 light = mix(vec3(0.30, 0.29, 0.28), vec3(0.62, 0.65, 0.70), 0.5 + 0.5 * N.z) * floorward + vec3(0.95, 0.90, 0.82) * max(dot(N, sun), 0.0) * sunlit + 0.16 * facing;
+    vec3 c = colour.rgb * colour.rgb * light + 0.10 * shine * sunlit;
     float m = max(c.r, max(c.g, c.b)); o = vec4(sqrt(c * (2.2 * m + 0.1) / (m * (2.1 * m + 0.55) + 0.12)), colour.a); }`];
 const FLOOR = [`#version 300 es
   uniform mat4 view; in vec2 position; out vec2 p; void main() { p = position * 9.0; gl_Position = view * vec4(p, 0.0, 1.0); }`, `#version 300 es

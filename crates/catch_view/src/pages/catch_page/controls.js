@@ -163,7 +163,7 @@ function readAddress() {
   }
   theme = wanted.get("theme");
   setTheme(theme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
-  setRange(wanted.has("whole"));
+  setRange(wanted.has("whole") || data.shows_all);
   seek(Number(wanted.get("t")) || 0);
   // It plays on its own, but for those who asked for a time or for stillness.
   if (window.name !== "second") setPlaying(wanted.has("play") || !wanted.has("t") && !matchMedia("(prefers-reduced-motion: reduce)").matches);

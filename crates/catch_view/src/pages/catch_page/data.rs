@@ -41,6 +41,8 @@ pub struct PageData {
     events: Vec<Event>,
     end_s: f64,
     flight_end_s: f64,
+    /// Of many throws one looks at the putting down, too.
+    shows_all: bool,
     scene_view: Option<View>,
     close_up_view: Option<View>,
     robot: RobotData,
@@ -191,6 +193,7 @@ impl PageData {
             events: events.collect(),
             end_s: playback.end_s() - start_s,
             flight_end_s: playback.flight_end_s() - start_s,
+            shows_all: header.simulation.as_ref().is_some_and(|it| it.thrown_s.is_some()),
             scene_view: scene.as_ref().map(|it| View::from(it.scene())),
             close_up_view: scene.as_ref().map(|it| View::from(it.close_up())),
             robot: RobotData::of(robot, gripper),

@@ -27,6 +27,7 @@ function draw(time, sharp = sharpness) {
     views.push({ from: near, box: [inset.offsetLeft + 1, inset.offsetTop + 1, inset.clientWidth, inset.clientHeight], near: true });
   }
   clearLabels();
+  casters = { object: ballOf("object", now), hand: ballOf("housing", now) };
   gl.enable(gl.SCISSOR_TEST);
   for (const view of views) drawView(view, now, time, scale);
   gl.disable(gl.SCISSOR_TEST);
@@ -51,17 +52,40 @@ function drawView({ from, box, near, quiet }, now, time, scale) {
   drawWhy(it, now, time);
   gl.disable(gl.BLEND);
 }
-function paint(it, place, colour, lit = 1) {
+// What shades others as a ball around the origin: the matrix that makes it one, and where the sun is then. The object shades the hand,
+// and the hand shades all else.
+function ballOf(of, now) {
+  const parts = scene.surfaces.filter((it) => it.of === of), place = parts.length && placesOf(parts[0], now)[0];
+  if (!place) return { matrix: STILL, beam: [0, 0, 0] };
+  const [low, high] = ["low", "high"].map((name) => [0, 1, 2].map((c) => Math[name === "low" ? "min" : "max"](...parts.map((it) => it[name][c]))));
+  const centre = moved(place, low.map((value, c) => (value + high[c]) / 2)), half = low.map((value, c) => (high[c] - value) / 2);
+  const rows = half.map((value, r) => [place[r * 4], place[r * 4 + 1], place[r * 4 + 2]].map((x) => x / value));
+  return { matrix: new Float32Array([...[0, 1, 2].flatMap((c) => [rows[0][c], rows[1][c], rows[2][c], 0]), ...rows.map((row) => -dot(row, centre)), 1]), beam: unit(rows.map((row) => dot(row, SUN))) };
+}
+let casters = {};
+function paint(it, place, colour, lit = it.of ? 2 : 1) {
   const { u } = scene.programs.surface;
   gl.uniformMatrix4fv(u.model, false, place); gl.uniform4fv(u.colour, colour); gl.uniform1f(u.lit, lit);
+  if (lit > 1) { const by = ["housing", "finger"].includes(it.of) ? casters.object : casters.hand; gl.uniformMatrix4fv(u.caster, false, by.matrix); gl.uniform3fv(u.beam, by.beam); }
   gl.bindVertexArray(it.vao); gl.drawElements(gl.TRIANGLES, it.count, gl.UNSIGNED_INT, 0);
+}
+// Corners of the boxes around a body, in the world.
+function cornersOf(it, now) {
+  const { low, high } = it, corner = (k) => low.map((value, c) => (k >> c & 1 ? high[c] : value));
+  return placesOf(it, now).flatMap((place) => [0, 1, 2, 3, 4, 5, 6, 7].map((k) => moved(place, corner(k))));
+}
+const boxOf = (points) => [Math.min, Math.max].map((pick) => [0, 1, 2].map((c) => pick(...points.map((p) => p[c]))));
+// Whether a box of a view may cover something of another one; one that is too near may.
+function meets([[left, bottom, front], [right, top]], [low, high]) {
+  return front < 0.2 || left < high[0] && right > low[0] && bottom < high[1] && top > low[1] && front < high[2];
 }
 // Arm, hand, object and surroundings. Nothing opaque stands before hand and object: where they are drawn, links before them are a
 // veil, and surroundings before the throw are one as a whole. In the close-up all surroundings are.
-function drawBodies({ eye, near }, now, time, dark) {
+function drawBodies({ eye, near, view }, now, time, dark) {
   const shown = scene.surfaces.filter((it) => it.of !== "obstacle" || layers.obstacles);
   const points = sightPoints(now, time), faded = shown.filter((it) => it.of === "obstacle" && (near || points.some((p) => crosses(it, eye, p))));
-  const solid = shown.filter((it) => !faded.includes(it)), catching = solid.filter((it) => OPAQUE_HAND.includes(it.of)), others = solid.filter((it) => !OPAQUE_HAND.includes(it.of));
+  const solid = shown.filter((it) => !faded.includes(it)), boxes = new Map(solid.map((it) => [it, boxOf(cornersOf(it, now).map((p) => projected(view, p)))]));
+  const seen = solid.filter((it) => meets(boxes.get(it), [[-1, -1], [1, 1, Infinity]])), catching = seen.filter((it) => OPAQUE_HAND.includes(it.of)), others = seen.filter((it) => !OPAQUE_HAND.includes(it.of));
   const all = (list, alpha) => { for (const it of list) for (const place of placesOf(it, now)) paint(it, place, [...(tinted >= 0 && it.of === "link" && it.link === tinted + 1 ? rgb(jointColour(tinted)) : it.colour).map((c) => c * (dark && c > 0.6 && it.of !== "object" ? 0.82 : 1)), alpha]); };
   // Shadows: everything flattened onto the floor along the light, each pixel darkened once.
   const flat = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, -SUN[0] / SUN[2], -SUN[1] / SUN[2], 0, 0, 0, 0, 0.001, 1]);
@@ -72,7 +96,9 @@ function drawBodies({ eye, near }, now, time, dark) {
 
   gl.stencilFunc(gl.ALWAYS, 1, 255); gl.stencilOp(gl.KEEP, gl.KEEP, gl.REPLACE); all(catching, 1);
   gl.stencilFunc(gl.NOTEQUAL, 1, 255); gl.stencilOp(gl.KEEP, gl.KEEP, gl.KEEP); all(others, 1);
-  gl.stencilFunc(gl.EQUAL, 1, 255); gl.enable(gl.BLEND); gl.depthMask(false); all(others, VEIL);
+  gl.stencilFunc(gl.EQUAL, 1, 255); gl.enable(gl.BLEND); gl.depthMask(false);
+  const caught = boxOf(catching.flatMap((it) => boxes.get(it)));
+  all(others.filter((it) => meets(boxes.get(it), caught)), VEIL);
   gl.disable(gl.STENCIL_TEST); all(faded, FADED);
   if (layers.capsules) for (const { link, it, place } of scene.capsules) paint(it, multiply(now.links[link], place), [...rgb("--blue"), 0.3]);
   gl.depthMask(true); gl.disable(gl.BLEND); gl.disable(gl.CULL_FACE);
