@@ -70,8 +70,8 @@ impl TimeGridSearch {
     }
 
     /// Corrects a running catch: the same catch adjusted, or a little sooner or later. Another one takes its
-    /// place where its approach is blocked, or where it promised more than it now does. Where there is none of
-    /// these the hand comes as near as the arm can, and at last the old motion stays.
+    /// place where its approach is blocked, or where it promised more than it now does. Without any of these
+    /// the hand comes as near as the arm can, and at last the old motion stays.
     fn replan(&self, situation: &Situation<'_>, incoming: &Incoming<'_>, running: &CatchPlan) -> Decision {
         let (start, search) = (&situation.start, &self.search);
         let to = Correction::new(start, incoming, running, running.catch_s);
