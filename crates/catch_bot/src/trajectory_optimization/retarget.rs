@@ -212,7 +212,7 @@ impl CatchSearch {
             return CatchPlan { aperture_m, approach_is_free: true, ..plan };
         }
         let aperture = self.aperture(&plan, incoming, local_flight);
-        let aperture_m = aperture.unwrap_or_else(|| self.widest_m(incoming.grasps));
+        let aperture_m = aperture.unwrap_or(self.motion.gripper.max_width_m);
         let fingers = incoming.config.closing(&self.motion.gripper);
         let takes_s = fingers.duration_s((aperture_m - had_m).abs())
             + fingers.duration_s(aperture_m - plan.grasp.object_width_m)

@@ -50,7 +50,7 @@ impl CatchSearch {
     ) -> bool {
         let Some(direction) = v_GO.try_normalize(1e-6) else { return true };
         let Incoming { grasps, config, .. } = *entering.incoming;
-        let open = Hand::new(&self.motion.gripper, self.widest_m(grasps), config.approach_margin_m);
+        let open = Hand::new(&self.motion.gripper, self.motion.gripper.max_width_m, config.approach_margin_m);
         let end = entering.grasp.X_OG.inverse();
         let start = Translation3::from(direction * -APPROACH_M) * end;
         let [start, end] = [start, end].map(|X_GO| Place::new(&X_GO));
@@ -79,18 +79,17 @@ impl CatchSearch {
         self.first_of(apertures, X_WG, &entering, &mut Obstacle::default())
     }
 
-    /// Openings that are tried, the narrowest first.
-    fn apertures(&self, X_WG: &Pose, entering: &Entering) -> [f64; 4] {
-        let (narrow, wide) = (entering.grasp.aperture_m, self.widest_m(entering.incoming.grasps));
+    /// Openings that are tried, the narrowest first: up to the widest that any grasp needs, where the fingers
+    /// wait, and at last as wide as the hand opens. An object that enters while it spins may need that.
+    fn apertures(&self, X_WG: &Pose, entering: &Entering) -> [f64; 5] {
+        let (narrow, wide) = (entering.grasp.aperture_m, self.waiting_m(entering.incoming.grasps));
         let between = |fraction: f64| narrow + fraction * (wide - narrow);
-        match self.pre_closed_m(X_WG, entering) {
-            Some(pre_closed_m) => [pre_closed_m, narrow, between(0.5), wide],
-            None => [0.0, 0.25, 0.5, 1.0].map(between),
-        }
+        let first_two = self.pre_closed_m(X_WG, entering).map_or([narrow, between(0.25)], |it| [it, narrow]);
+        [first_two[0], first_two[1], between(0.5), wide, self.motion.gripper.max_width_m]
     }
 
-    /// The widest opening that is planned, in metres.
-    pub(super) fn widest_m(&self, grasps: &GraspSet) -> f64 {
+    /// The opening at which the fingers wait, in metres.
+    pub(super) fn waiting_m(&self, grasps: &GraspSet) -> f64 {
         grasps.widest_aperture_m.unwrap_or(self.motion.gripper.max_width_m)
     }
 

@@ -103,6 +103,21 @@ fn a_ball_is_caught_by_an_arm_that_moves() {
     }
 }
 
+/// A banana may come so that it enters only a hand that opens wider than it waits.
+#[test]
+fn throws_around_those_of_the_paper_are_caught() {
+    for object in ["tennis_ball", "banana", "pill_bottle"] {
+        let choice =
+            Choice { scenario: Some("paper"), object: Some(object), throw: Some("far_sampled"), ..Choice::default() };
+        let setup = Setup::load(&choice).unwrap();
+        for index in 0..5 {
+            let trial = trial::run(&setup, 2, index, &mut |_, _| Ok(())).unwrap();
+            let verdict = referee::judge(&setup, &trial);
+            assert!(verdict.caught, "{object}, throw {index}: {verdict:?}");
+        }
+    }
+}
+
 /// Each built-in arm from the ready pose of its own file, not only the one for which the throws were made.
 #[test]
 fn every_built_in_arm_catches() {
