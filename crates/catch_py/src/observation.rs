@@ -111,6 +111,9 @@ impl Observation {
     }
 }
 
+/// Depths that are read at a time: 16 kB.
+const PART: usize = 4096;
+
 /// One depth image, or the window of it that was read out.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct DepthFrame {
@@ -191,13 +194,12 @@ impl DepthFrame {
             Some(window) => read_window(window, [width, height])?,
         };
         let depths = depths.as_slice()?;
-        // Without an early end, which would keep the compiler from taking several at a time.
-        let mut is_negative = false;
-        let of_contract = |&depth: &f32| {
-            is_negative |= depth < 0.0;
-            if depth > 0.0 && depth < f32::INFINITY { depth } else { f32::NAN }
-        };
-        let depth_m = depths.iter().map(of_contract).collect();
+        // Part by part, each read twice while it is in the cache: loops so simple compare several at a time.
+        let (mut depth_m, mut is_negative) = (Vec::with_capacity(depths.len()), false);
+        for part in depths.chunks(PART) {
+            is_negative |= part.iter().fold(false, |is_negative, depth| is_negative | (*depth < 0.0));
+            depth_m.extend(part.iter().map(|&it| if it > 0.0 && it < f32::INFINITY { it } else { f32::NAN }));
+        }
         if is_negative {
             return Err(fault("depth_m", "one below zero", "depths of zero or more"));
         }
