@@ -119,7 +119,7 @@ impl Preparation {
         let grasps = Arc::new(GraspSet::sample(&reference, &gripper, &config.grasp_selection));
         let arm_surface = ArmSurface::new(&robot, &gripper);
         let X_WL = robot.link_poses(&robot.ready_q);
-        let width_m = grasps.widest_aperture_m.unwrap_or(gripper.max_width_m);
+        let width_m = grasps.waiting_width_m(&gripper);
         let waiting = Surroundings { arm: &arm_surface, X_WL, width_m };
         let alignment = CameraAlignment::before_flight(&cameras, &waiting, &config.perception);
         let camera_health = CameraHealth::before_flight(&cameras, &waiting, &config.perception);

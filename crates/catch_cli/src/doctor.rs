@@ -71,7 +71,7 @@ pub fn run(DoctorArguments { cell, out, trials }: &DoctorArguments) -> anyhow::R
     if file.exists() {
         fs::remove_file(&file).with_context(|| file.display().to_string())?;
     }
-    drive::start("doctor", cell, out, false, None)?;
+    drive::start("doctor", cell, out, false, false)?;
     let text = fs::read_to_string(&file).with_context(|| format!("the findings of the driver: {}", file.display()))?;
     let found: Findings = serde_json::from_str(&text).with_context(|| file.display().to_string())?;
     let (links, _) = drive::setup(cell, &[])?;

@@ -34,7 +34,7 @@ pub struct DriveArguments {
     /// Nothing moves: plans are made of real images, checked and recorded
     #[arg(long)]
     dry_run: bool,
-    /// Shows each throw in a page on this machine as soon as it is recorded
+    /// Open a page that shows each throw as soon as it is recorded, on this machine only
     #[arg(long)]
     watch: bool,
     /// Folder for the recordings
@@ -47,13 +47,7 @@ pub struct DriveArguments {
 /// # Errors
 /// A fault in the cell's file; a driver that is missing or fails.
 pub fn run(DriveArguments { cell, dry_run, watch, out }: &DriveArguments) -> anyhow::Result<()> {
-    let title = if *dry_run { "Dry run" } else { "Drive" };
-    let watch = Watch::start(*watch, &format!("{title}: {}", cell.display()), None)?;
-    let driven = start("drive", cell, out, *dry_run, watch.as_ref());
-    if let Some(watch) = watch {
-        watch.end();
-    }
-    driven
+    start("drive", cell, out, *dry_run, *watch)
 }
 
 /// Reads a cell's file and all that it names.
@@ -98,11 +92,11 @@ pub fn setup(path: &Path, more: &[String]) -> Result<(CellFile, Setup), InputErr
     Ok((links, setup))
 }
 
-/// Starts the driver with a task, and waits for its end. What it records is watched.
+/// Starts the driver with a task, and waits for its end. A page shows what it records, if that is wanted.
 ///
 /// # Errors
 /// As [`run`].
-pub fn start(command: &str, path: &Path, out: &Path, dry_run: bool, watch: Option<&Watch>) -> anyhow::Result<()> {
+pub fn start(command: &str, path: &Path, out: &Path, dry_run: bool, is_watched: bool) -> anyhow::Result<()> {
     let (links, cell) = read(path)?;
     let driver = links.arm.driver.clone();
     let job = out.join(format!("{command}.job"));
@@ -114,7 +108,8 @@ pub fn start(command: &str, path: &Path, out: &Path, dry_run: bool, watch: Optio
     let program = beside.unwrap_or_else(|| PathBuf::from(&driver));
     let mut driving = process::Command::new(&program);
     driving.arg(command).arg(&job);
-    match run_to_end(&mut driving, watch) {
+    let title = format!("{}: {}", if dry_run { "Dry run" } else { "Drive" }, path.display());
+    match if is_watched { watch_to_end(&mut driving, &title) } else { driving.status() } {
         Ok(status) if status.success() => Ok(()),
         // It has said which field is wrong.
         Ok(status) if status.code() == Some(2) => {
@@ -134,19 +129,21 @@ pub fn start(command: &str, path: &Path, out: &Path, dry_run: bool, watch: Optio
     }
 }
 
-/// Waits for the end of a driver, whose lines say what it has recorded.
-fn run_to_end(driving: &mut process::Command, watch: Option<&Watch>) -> io::Result<process::ExitStatus> {
-    let Some(watch) = watch else {
-        return driving.status();
-    };
+/// Waits for the end of a driver, whose lines say what it has recorded; a page with this title shows it.
+fn watch_to_end(driving: &mut process::Command, title: &str) -> io::Result<process::ExitStatus> {
     let mut driver = driving.stdout(process::Stdio::piped()).spawn()?;
+    let watch = Watch::start(true, title, None)?;
     for line in driver.stdout.take().into_iter().flat_map(|it| BufReader::new(it).lines()) {
         let line = line?;
-        if let Some(recording) = line.strip_prefix(RECORDED).map(PathBuf::from) {
+        if let Some((watch, recording)) = watch.as_ref().zip(line.strip_prefix(RECORDED).map(PathBuf::from)) {
             let label = recording.display().to_string();
             watch.thrown(label, None, move || watch::recorded(&recording));
         }
         screen::line(&line)?;
     }
-    driver.wait()
+    let status = driver.wait()?;
+    if let Some(watch) = watch {
+        watch.end();
+    }
+    Ok(status)
 }

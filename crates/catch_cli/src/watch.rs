@@ -145,7 +145,7 @@ impl Watch {
         let started = Instant::now();
         let is_waiting = || {
             let state = locked(&self.state);
-            state.shown > 0 && state.shown < state.thrown || state.shown == 0 && opening::has_display()
+            state.shown < state.thrown && (state.shown > 0 || opening::has_display())
         };
         while is_waiting() && started.elapsed() < FAREWELL {
             thread::sleep(Duration::from_millis(50));

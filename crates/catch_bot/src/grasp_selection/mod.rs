@@ -218,6 +218,11 @@ pub struct GraspSet {
 }
 
 impl GraspSet {
+    /// Opening at which a gripper waits for the object, in metres.
+    pub fn waiting_width_m(&self, gripper: &Gripper) -> f64 {
+        self.widest_aperture_m.unwrap_or(gripper.max_width_m)
+    }
+
     /// Samples Darboux frames on the reference cloud and keeps the grasps that fit, until there are enough.
     pub fn sample(reference: &ReferenceModel, gripper: &Gripper, config: &Config) -> Self {
         Self::sample_as(&Sampling::DEFAULT, reference, gripper, config)

@@ -82,15 +82,11 @@ impl CatchSearch {
     /// Openings that are tried, the narrowest first: up to the widest that any grasp needs, where the fingers
     /// wait, and at last as wide as the hand opens. An object that enters while it spins may need that.
     fn apertures(&self, X_WG: &Pose, entering: &Entering) -> [f64; 5] {
-        let (narrow, wide) = (entering.grasp.aperture_m, self.waiting_m(entering.incoming.grasps));
+        let (narrow, wide) =
+            (entering.grasp.aperture_m, entering.incoming.grasps.waiting_width_m(&self.motion.gripper));
         let between = |fraction: f64| narrow + fraction * (wide - narrow);
         let first_two = self.pre_closed_m(X_WG, entering).map_or([narrow, between(0.25)], |it| [it, narrow]);
         [first_two[0], first_two[1], between(0.5), wide, self.motion.gripper.max_width_m]
-    }
-
-    /// The opening at which the fingers wait, in metres.
-    pub(super) fn waiting_m(&self, grasps: &GraspSet) -> f64 {
-        grasps.widest_aperture_m.unwrap_or(self.motion.gripper.max_width_m)
     }
 
     /// Aperture at which slow fingers wait for an object that is to be held at `X_WG`, in metres, not wider

@@ -262,7 +262,9 @@ fn compare(file: &str, found: &Identity, identity: &Identity) -> Result<(), Inpu
         return Ok(());
     }
     let [theirs, ours] = [found, identity].map(|it| serde_json::to_value(it).unwrap_or_default());
-    let (field, found, asked) = difference("", &theirs, &ours).unwrap_or_default();
+    let fields = ["version", "seed", "first", "cells", "throws_are_fixed"];
+    let differing = fields.iter().find_map(|field| difference(field, &theirs[*field], &ours[*field]));
+    let (field, found, asked) = differing.unwrap_or_default();
     Err(InputError::new(
         file,
         field,
@@ -281,8 +283,11 @@ fn difference(field: &str, first: &Value, second: &Value) -> Option<(String, Str
     };
     match (first, second) {
         (Value::Object(ours), Value::Object(theirs)) => ours.keys().chain(theirs.keys()).find_map(|key| {
-            let field = if field.is_empty() { key.clone() } else { format!("{field}.{key}") };
-            difference(&field, ours.get(key).unwrap_or(&Value::Null), theirs.get(key).unwrap_or(&Value::Null))
+            difference(
+                &format!("{field}.{key}"),
+                ours.get(key).unwrap_or(&Value::Null),
+                theirs.get(key).unwrap_or(&Value::Null),
+            )
         }),
         (Value::Array(ours), Value::Array(theirs)) if ours.len() == theirs.len() => {
             (ours.iter().zip(theirs).enumerate()).find_map(|(i, (a, b))| difference(&format!("{field}[{i}]"), a, b))
