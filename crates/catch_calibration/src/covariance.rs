@@ -10,32 +10,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::parameters::{FIRST_NUISANCE, OF_CAMERA};
-
-/// Information of one image about the parameters that it depends on.
-pub struct ImageInformation {
-    /// Indices of these parameters among all.
-    pub places: Vec<usize>,
-    pub information: DMatrix<f64>,
-    pub pull: DVector<f64>,
-}
-
-impl ImageInformation {
-    /// Adds the information of the image, times a factor, to that of all parameters.
-    pub fn add_to(&self, sum: &mut DMatrix<f64>, factor: f64) {
-        for (column, j) in self.places.iter().enumerate() {
-            for (row, i) in self.places.iter().enumerate() {
-                sum[(*i, *j)] += factor * self.information[(row, column)];
-            }
-        }
-    }
-
-    /// Adds its pull, from where a change of all parameters leads, to that of all.
-    pub fn add_pull_to(&self, sum: &mut DVector<f64>, change: &DVector<f64>) {
-        let pull = &self.pull - &self.information * DVector::from_fn(self.pull.len(), |i, _| change[self.places[i]]);
-        self.places.iter().zip(pull.iter()).for_each(|(at, pull)| sum[*at] += pull);
-    }
-}
+use super::{
+    normal_equations::ImageInformation,
+    parameters::{FIRST_NUISANCE, OF_CAMERA},
+};
 
 /// The equations of all images and the priors.
 pub struct Equations {
@@ -93,7 +71,9 @@ mod tests {
                 let rows = DMatrix::from_fn(20, OF_CAMERA, |_, _| draw());
                 let residuals = DVector::from_fn(20, |_, _| factor * draw());
                 let places = (0..OF_CAMERA).collect();
-                ImageInformation { places, information: rows.tr_mul(&rows), pull: rows.tr_mul(&residuals) }
+                let (by_last, last) = (vec![0.0; OF_CAMERA], [1.0, 0.0]);
+                let (information, pull) = (rows.tr_mul(&rows), rows.tr_mul(&residuals));
+                ImageInformation { places, information, pull, by_last, last }
             })
             .collect();
         let priors = DMatrix::identity(OF_CAMERA, OF_CAMERA) * prior;

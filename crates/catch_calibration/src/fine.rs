@@ -1,5 +1,7 @@
 //! Fine alignment: robust Gauss–Newton on inverse depths and silhouettes of all cameras together.
 
+use std::collections::BTreeSet;
+
 use catch_body::{Gripper, Robot, ray_cast::SurfacePart, statistics::median_in_place};
 use catch_cell::CameraModel;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -9,11 +11,11 @@ use super::{
     averaged_image::StillImage,
     coarse::moved,
     correlation::Correlation,
-    covariance::{self, Equations, ImageInformation},
+    covariance::{self, Equations},
     depths,
     measurement::Measurement,
-    normal_equations::ImageEquations,
-    parameters::{CameraState, FIRST_NUISANCE, OF_CAMERA, PosedArm, Shared},
+    normal_equations::{ImageEquations, ImageInformation, Row},
+    parameters::{CameraState, FIRST_NUISANCE, OF_CAMERA, Patch, PosedArm, Shared},
     rendering::Rendering,
     silhouettes,
 };
@@ -101,6 +103,8 @@ struct State<'a> {
     offsets: Vec<Vec<f64>>,
     residuals: Vec<Residuals>,
     last_step: Vec<f64>,
+    /// Patches of links' surfaces that images show.
+    patches: BTreeSet<Patch>,
 }
 
 impl Problem<'_> {
@@ -121,6 +125,7 @@ impl Problem<'_> {
             residuals: vec![Residuals::default(); coarse.len()],
             last_step: vec![f64::INFINITY; coarse.len()],
             cameras: coarse,
+            patches: BTreeSet::new(),
         };
         for step in 0..STEPS {
             state.step(if step < FIRST_STEPS { Pass::First } else { Pass::All });
@@ -163,14 +168,12 @@ impl State<'_> {
             let linearized = self.linearized(camera, pass);
             let place =
                 move |i: usize| if i < OF_CAMERA { OF_CAMERA * camera + i } else { shared_from + i - OF_CAMERA };
-            for (image, equations) in linearized {
-                let (own, own_pull) = equations.eliminated();
-                let places = (0..own_pull.len()).map(place).collect();
-                let own = ImageInformation { places, information: own, pull: own_pull };
+            for (image, mut own) in linearized {
+                own.places.iter_mut().for_each(|it| *it = place(*it));
                 own.add_to(&mut information, 1.0);
                 own.add_pull_to(&mut pull, &nothing);
                 images.push(own);
-                of_images.push((camera, image, equations));
+                of_images.push((camera, image));
             }
         }
         // The priors.
@@ -197,11 +200,11 @@ impl State<'_> {
             state.nuisance.iter_mut().enumerate().for_each(|(i, value)| *value += by[FIRST_NUISANCE + i]);
         }
         self.shared.values.iter_mut().enumerate().for_each(|(i, value)| *value += change[shared_from + i]);
-        for (camera, image, equations) in of_images {
-            let of = |i: usize| if i < OF_CAMERA { OF_CAMERA * camera + i } else { shared_from + i - OF_CAMERA };
+        for ((camera, image), own) in of_images.into_iter().zip(&images) {
             let offset_sd = self.spreads[camera].offset_sd(self.problem.cameras[camera].images[image]);
-            self.offsets[camera][image] += offset_sd * equations.last(|i| change[of(i)]);
-            of_offsets[camera].push((image, offset_sd * equations.last_variance().sqrt()));
+            let (by, variance) = own.last(&change);
+            self.offsets[camera][image] += offset_sd * by;
+            of_offsets[camera].push((image, offset_sd * variance.sqrt()));
         }
         for (camera, of_offsets) in of_offsets.iter().enumerate() {
             self.note_offsets(camera, of_offsets);
@@ -209,12 +212,13 @@ impl State<'_> {
         let inverse = factor.inverse();
         if pass != Pass::First {
             self.shared.tell(|i| inverse[(shared_from + i, shared_from + i)]);
+            self.shared.add_patches(&self.patches);
         }
         Some(Equations { information, inverse, images, change })
     }
 
     /// The equations of each image of a camera; its spread and residuals become those of these images.
-    fn linearized(&mut self, camera: usize, pass: Pass) -> Vec<(usize, ImageEquations)> {
+    fn linearized(&mut self, camera: usize, pass: Pass) -> Vec<(usize, ImageInformation)> {
         let Problem { robot, gripper, arm, config, cameras } = self.problem;
         let surface = self.shared.surface(robot, gripper);
         let Observed { camera: intrinsics, images, still } = &cameras[camera];
@@ -225,7 +229,8 @@ impl State<'_> {
         let time_offset_s = state.time_offset_s(config);
         let size = OF_CAMERA + self.shared.values.len() + 1;
         let mut errors = Errors::default();
-        let (mut found, mut row) = (Vec::new(), vec![0.0; size]);
+        let mut patches = BTreeSet::new();
+        let (mut found, mut row) = (Vec::new(), Row::new());
         let mut all = Vec::new();
         for (i, image) in images.iter().enumerate() {
             let Some(sample) = image.arm(arm, time_offset_s) else { continue };
@@ -242,7 +247,10 @@ impl State<'_> {
             let mut residuals: Vec<(Measurement, f64)> = Vec::new();
             for it in &found {
                 let in_common = if it.is_depth() { offset } else { 0.0 };
-                let residual = it.residual() - state.correction(it, config) - in_common;
+                let patch = posed.patch(it, &state.X_WC);
+                patches.extend(patch);
+                let correction = state.correction(it, config) + posed.patch_correction(it, patch);
+                let residual = it.residual() - correction - in_common;
                 let (sd, correlated, sds) = if it.is_depth() {
                     (spread.depth_per_m, spread.depth_correlation, &mut errors.of_depths)
                 } else {
@@ -265,8 +273,9 @@ impl State<'_> {
                 }
             }
             errors.correlation.add(&residuals);
-            all.push((i, equations));
+            all.push((i, equations.eliminated()));
         }
+        self.patches.extend(patches);
         self.note(camera, errors, pass);
         all
     }

@@ -3,6 +3,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
+/// Derivatives of a measurement by the parameters that it depends on, with their indices, in ascending order.
+pub type Row = Vec<(usize, f64)>;
+
 /// Normal equations of one image: its own parameters, and last what its pixels have in common, whose prior is
 /// N(0, 1).
 #[derive(Debug, Clone)]
@@ -21,43 +24,70 @@ impl ImageEquations {
         Self { size, information, pull }
     }
 
-    pub fn add(&mut self, row: &[f64], residual: f64, weight: f64) {
-        for (i, entry) in row.iter().enumerate().filter(|(_, entry)| **entry != 0.0) {
+    /// Adds a measurement, whose derivatives by the parameters, in ascending order, are these.
+    pub fn add(&mut self, row: &Row, residual: f64, weight: f64) {
+        for (at, (i, entry)) in row.iter().enumerate() {
             let scaled = entry * weight;
-            self.pull[i] += scaled * residual;
-            let from = i * self.size;
-            for (sum, other) in self.information[from + i..from + self.size].iter_mut().zip(&row[i..]) {
-                *sum += scaled * other;
+            self.pull[*i] += scaled * residual;
+            for (j, other) in &row[at..] {
+                self.information[i * self.size + j] += scaled * other;
             }
         }
     }
 
-    /// Value of the last parameter that goes with a change of all others.
-    pub fn last(&self, change: impl Fn(usize) -> f64) -> f64 {
-        let last = self.size - 1;
-        let coupled: f64 = (0..last).map(|i| self.information[i * self.size + last] * change(i)).sum();
-        (self.pull[last] - coupled) / self.information[self.size * self.size - 1]
-    }
-
-    /// Variance of the last parameter, all others known.
-    pub fn last_variance(&self) -> f64 {
-        1.0 / self.information[self.size * self.size - 1]
-    }
-
-    /// Information and pull of all but the last parameter.
-    pub fn eliminated(&self) -> (DMatrix<f64>, DVector<f64>) {
+    /// The equations of the parameters that the image depends on, without the last one.
+    pub fn eliminated(&self) -> ImageInformation {
         let (size, last) = (self.size, self.size - 1);
-        let (mut information, mut pull) = (DMatrix::zeros(last, last), DVector::zeros(last));
+        let places: Vec<usize> = (0..last).filter(|i| self.information[i * size + i] > 0.0).collect();
         let pivot = self.information[size * size - 1];
-        for i in 0..last {
-            let coupled = self.information[i * size + last] / pivot;
-            pull[i] = self.pull[i] - coupled * self.pull[last];
-            for j in i..last {
-                let value = self.information[i * size + j] - coupled * self.information[j * size + last];
-                (information[(i, j)], information[(j, i)]) = (value, value);
+        let by_last: Vec<f64> = places.iter().map(|i| self.information[i * size + last]).collect();
+        let (mut information, mut pull) = (DMatrix::zeros(places.len(), places.len()), DVector::zeros(places.len()));
+        for (a, i) in places.iter().enumerate() {
+            let coupled = by_last[a] / pivot;
+            pull[a] = self.pull[*i] - coupled * self.pull[last];
+            for (b, j) in places.iter().enumerate().skip(a) {
+                let value = self.information[i * size + j] - coupled * by_last[b];
+                (information[(a, b)], information[(b, a)]) = (value, value);
             }
         }
-        (information, pull)
+        ImageInformation { places, information, pull, by_last, last: [pivot, self.pull[last]] }
+    }
+}
+
+/// Equations of one image, what its pixels have in common eliminated.
+#[derive(Debug, Clone)]
+pub struct ImageInformation {
+    /// Indices of the parameters that it depends on among all.
+    pub places: Vec<usize>,
+    pub information: DMatrix<f64>,
+    pub pull: DVector<f64>,
+    /// Information that the eliminated parameter has in common with these, and its own, and its pull.
+    pub by_last: Vec<f64>,
+    pub last: [f64; 2],
+}
+
+impl ImageInformation {
+    /// Adds the information of the image, times a factor, to that of all parameters.
+    pub fn add_to(&self, sum: &mut DMatrix<f64>, factor: f64) {
+        for (column, j) in self.places.iter().enumerate() {
+            for (row, i) in self.places.iter().enumerate() {
+                sum[(*i, *j)] += factor * self.information[(row, column)];
+            }
+        }
+    }
+
+    /// Adds its pull, from where a change of all parameters leads, to that of all.
+    pub fn add_pull_to(&self, sum: &mut DVector<f64>, change: &DVector<f64>) {
+        let pull = &self.pull - &self.information * DVector::from_fn(self.pull.len(), |i, _| change[self.places[i]]);
+        self.places.iter().zip(pull.iter()).for_each(|(at, pull)| sum[*at] += pull);
+    }
+
+    /// Change of the eliminated parameter that goes with a change of all others, and its variance where they
+    /// are known.
+    pub fn last(&self, change: &DVector<f64>) -> (f64, f64) {
+        let [pivot, pull] = self.last;
+        let coupled: f64 = self.places.iter().zip(&self.by_last).map(|(i, by)| by * change[*i]).sum();
+        ((pull - coupled) / pivot, 1.0 / pivot)
     }
 }
 
@@ -74,15 +104,15 @@ mod tests {
         let (mut whole, mut whole_pull) = (DMatrix::zeros(3, 3), DVector::zeros(3));
         whole[(2, 2)] = 1.0;
         for (row, residual) in rows.iter().zip(residuals) {
-            image.add(row, residual, 2.0);
+            image.add(&row.iter().copied().enumerate().collect(), residual, 2.0);
             let column = DVector::from_row_slice(row);
             whole += &column * column.transpose() * 2.0;
             whole_pull += column * (2.0 * residual);
         }
         let expected = whole.cholesky().unwrap().solve(&whole_pull);
-        let (information, pull) = image.eliminated();
-        let found = information.cholesky().unwrap().solve(&pull);
+        let eliminated = image.eliminated();
+        let found = eliminated.information.clone().cholesky().unwrap().solve(&eliminated.pull);
         assert!((found - expected.rows(0, 2)).norm() < 1e-12);
-        assert!((image.last(|i| expected[i]) - expected[2]).abs() < 1e-12);
+        assert!((eliminated.last(&expected).0 - expected[2]).abs() < 1e-12);
     }
 }

@@ -4,6 +4,8 @@
 //! N(0, 1), and one that is exact has a column of zeros. Where no standard deviation of joint zeros or links'
 //! surfaces is given, it is estimated from the images ([`Shared::tell`]).
 
+use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
+
 use catch_body::{
     Gripper, JointVector, MAX_JOINTS, Pose, Robot,
     kinematics::LinkPoses,
@@ -15,6 +17,7 @@ use super::{
     ArmSample, Config,
     coarse::moved,
     measurement::{Measurement, Quantity},
+    normal_equations::Row,
 };
 
 /// Parameters of each camera: rotation and translation, scale, time offset, growth at edges, its rise with
@@ -34,6 +37,10 @@ const FIRST_ZERO_SD_RAD: f64 = 5e-4;
 pub const FIRST_LINK_SD_M: f64 = 1e-3;
 /// Least and greatest ratio of the estimated standard deviations to the first ones.
 const TOLD: [f64; 2] = [0.02, 10.0];
+/// Edge of the cubes of a patch, in metres: covers, cables and labels are some centimetres long.
+const PATCH_M: f64 = 0.04;
+/// Images determine at least so much of the height of a patch.
+const LEAST_DETERMINED: f64 = 1e-6;
 /// Images that determine fewer than so many of the zeros, or surfaces, do not tell their standard deviation.
 const DETERMINED: f64 = 0.5;
 
@@ -58,7 +65,7 @@ impl CameraState {
 }
 
 /// Parameters that all cameras have in common: joint zeros, links' surfaces, mount of the gripper (rotation
-/// and translation in G).
+/// and translation in G), and how far each patch of a surface rises above its link's: covers, cables, labels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shared {
     /// Values in standard deviations.
@@ -67,7 +74,14 @@ pub struct Shared {
     kinds: Vec<(Kind, f64)>,
     /// Standard deviations by [`Kind::told`].
     told: [Told; 2],
+    /// Patches of links' surfaces, whose heights are the last parameters, in the order of their numbers.
+    patches: BTreeMap<Patch, usize>,
+    /// Standard deviation of each patch's height over the first one of links' surfaces.
+    patch_sd: Vec<f64>,
 }
+
+/// A patch of a link's surface: the link, and a cube of its frame.
+pub type Patch = (usize, [i32; 3]);
 
 /// Standard deviations of joint zeros and links' surfaces, over the first ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -107,12 +121,28 @@ impl Shared {
         let all = zeros.chain(links).chain(rotation).chain(translation);
         let kinds: Vec<(Kind, f64)> = all.filter(|(_, sd)| *sd > 0.0).collect();
         let told = [config.joint_zero_sd_rad, config.link_sd_m].map(|set| Told { sd: 1.0, by_images: set.is_none() });
-        Self { values: vec![0.0; kinds.len()], kinds, told }
+        Self { values: vec![0.0; kinds.len()], kinds, told, patches: BTreeMap::new(), patch_sd: Vec::new() }
+    }
+
+    /// Adds a height for each patch that has none, unless surfaces are exact.
+    pub fn add_patches(&mut self, patches: &BTreeSet<Patch>) {
+        if !self.kinds.iter().any(|(kind, _)| matches!(kind, Kind::LinkSurface(_))) {
+            return;
+        }
+        for patch in patches {
+            let number = self.patches.len();
+            if let Entry::Vacant(vacant) = self.patches.entry(*patch) {
+                vacant.insert(number);
+                self.patch_sd.push(1.0);
+                self.values.push(0.0);
+            }
+        }
     }
 
     /// Inverse variance of what is known beforehand of the parameter at a place.
     pub fn prior_information(&self, at: usize) -> f64 {
-        self.kinds[at].0.told().map_or(1.0, |group| self.told[group].sd.powi(-2))
+        let Some((kind, _)) = self.kinds.get(at) else { return self.patch_sd[at - self.kinds.len()].powi(-2) };
+        kind.told().map_or(1.0, |group| self.told[group].sd.powi(-2))
     }
 
     /// Standard deviations that the images tell become what makes the images most likely, given the values
@@ -125,11 +155,22 @@ impl Shared {
             determined[group] += 1.0 - variance(at) / self.told[group].sd.powi(2);
             squares[group] += self.values[at].powi(2);
         }
+        // Each patch has a standard deviation of its own, which vanishes where nothing rises (sparse Bayesian
+        // learning, Tipping 2001).
+        for (sd, at) in self.patch_sd.iter_mut().zip(self.kinds.len()..) {
+            let determined = 1.0 - variance(at) / sd.powi(2);
+            *sd = (self.values[at].powi(2) / determined.max(LEAST_DETERMINED)).sqrt().clamp(TOLD[0], TOLD[1]);
+        }
         for ((told, determined), squares) in self.told.iter_mut().zip(determined).zip(squares) {
             if told.by_images && determined > DETERMINED {
                 told.sd = (squares / determined).sqrt().clamp(TOLD[0], TOLD[1]);
             }
         }
+    }
+
+    /// Place of a patch's height among the parameters.
+    fn height_at(&self, patch: Patch) -> Option<usize> {
+        self.patches.get(&patch).map(|number| self.kinds.len() + number)
     }
 
     fn value(&self, kind: Kind) -> f64 {
@@ -155,6 +196,7 @@ impl Shared {
 pub struct PosedArm<'a> {
     robot: &'a Robot,
     pub X_WL: LinkPoses,
+    X_LW: LinkPoses,
     dq: JointVector,
     pub width_m: f64,
     X_WG: Pose,
@@ -170,18 +212,32 @@ impl<'a> PosedArm<'a> {
         let mounted_L = robot.X_LG * X_GM;
         X_WL[MAX_JOINTS] *= mounted_L * robot.X_LG.inverse();
         let X_WG = robot.gripper_in(&X_WL);
-        Self { robot, X_WL, dq: sample.dq, width_m: sample.width_m, X_WG, shared }
+        let X_LW = X_WL.map(|it| it.inverse());
+        Self { robot, X_WL, X_LW, dq: sample.dq, width_m: sample.width_m, X_WG, shared }
+    }
+
+    /// The patch of a link's surface that a measurement is of.
+    pub fn patch(&self, it: &Measurement, X_WC: &Pose) -> Option<Patch> {
+        let SurfacePart::Link(link) = it.part else { return None };
+        let p_L = self.X_LW[link] * (X_WC * Point3::from(it.p_C));
+        Some((link, [0, 1, 2].map(|i| libm::floor(p_L[i] / PATCH_M) as i32)))
+    }
+
+    /// Correction of a measurement's prediction by the height of its patch.
+    pub fn patch_correction(&self, it: &Measurement, patch: Option<Patch>) -> f64 {
+        let height = patch.and_then(|patch| self.shared.height_at(patch)).map_or(0.0, |at| self.shared.values[at]);
+        it.gradient_C.dot(&it.normal_C) * height * FIRST_LINK_SD_M
     }
 
     /// The derivatives of a measurement by the parameters: those of its camera, those in common, and at last
     /// what its image's pixels have in common, whose standard deviation is `offset_sd`.
-    pub fn row(&self, row: &mut [f64], it: &Measurement, camera: &CameraState, offset_sd: f64, config: &Config) {
-        // A surface that stands still moves by −(ω × p + v) in C.
-        let turning = it.p_C.cross(&it.gradient_C);
-        for axis in 0..3 {
-            (row[axis], row[axis + 3]) = (-turning[axis], -it.gradient_C[axis]);
-        }
-        row[FIRST_NUISANCE..OF_CAMERA].copy_from_slice(&nuisance_columns(it, config));
+    pub fn row(&self, row: &mut Row, it: &Measurement, camera: &CameraState, offset_sd: f64, config: &Config) {
+        row.clear();
+        let mut add = |at: usize, entry: f64| {
+            if entry != 0.0 {
+                row.push((at, entry));
+            }
+        };
         let gradient_W = camera.X_WC.rotation * it.gradient_C;
         let p_W = camera.X_WC * Point3::from(it.p_C);
         let moving_joints = match it.part {
@@ -197,21 +253,32 @@ impl<'a> PosedArm<'a> {
             axis.dot(&(p_W - origin).cross(&gradient_W))
         });
         let by_time: f64 = by_joint.iter().zip(self.dq.iter()).map(|(by, rate)| by * rate).sum();
-        row[TIME_OFFSET] = by_time * config.time_offset_sd_s;
+        // A surface that stands still moves by −(ω × p + v) in C.
+        let turning = it.p_C.cross(&it.gradient_C);
+        (0..3).for_each(|axis| add(axis, -turning[axis]));
+        (0..3).for_each(|axis| add(axis + 3, -it.gradient_C[axis]));
+        for (i, column) in nuisance_columns(it, config).into_iter().enumerate() {
+            let is_time = FIRST_NUISANCE + i == TIME_OFFSET;
+            add(FIRST_NUISANCE + i, if is_time { by_time * config.time_offset_sd_s } else { column });
+        }
         let is_gripper = it.part == SurfacePart::Gripper;
         let gradient_G = self.X_WG.rotation.inverse() * gradient_W;
         let turning_G = (self.X_WG.inverse() * p_W).coords.cross(&gradient_G);
-        for (entry, (kind, sd)) in row[OF_CAMERA..].iter_mut().zip(&self.shared.kinds) {
+        let outward = it.gradient_C.dot(&it.normal_C);
+        for (i, (kind, sd)) in self.shared.kinds.iter().enumerate() {
             let by = match kind {
                 Kind::JointZero(i) => by_joint[*i],
-                Kind::LinkSurface(link) if it.part == SurfacePart::Link(*link) => it.gradient_C.dot(&it.normal_C),
+                Kind::LinkSurface(link) if it.part == SurfacePart::Link(*link) => outward,
                 Kind::MountRotation(axis) if is_gripper => turning_G[*axis],
                 Kind::MountTranslation(axis) if is_gripper => gradient_G[*axis],
                 _ => 0.0,
             };
-            *entry = by * sd;
+            add(OF_CAMERA + i, by * sd);
         }
-        row[OF_CAMERA + self.shared.kinds.len()] = if it.is_depth() { offset_sd } else { 0.0 };
+        if let Some(at) = self.patch(it, &camera.X_WC).and_then(|patch| self.shared.height_at(patch)) {
+            add(OF_CAMERA + at, outward * FIRST_LINK_SD_M);
+        }
+        add(OF_CAMERA + self.shared.values.len(), if it.is_depth() { offset_sd } else { 0.0 });
     }
 }
 
@@ -231,11 +298,16 @@ fn nuisance_columns(it: &Measurement, config: &Config) -> [f64; OF_CAMERA - FIRS
 mod tests {
     use super::*;
 
+    fn shared(kinds: Vec<(Kind, f64)>, by_images: bool) -> Shared {
+        let told = [Told { sd: 1.0, by_images }; 2];
+        Shared { values: Vec::new(), kinds, told, patches: BTreeMap::new(), patch_sd: Vec::new() }
+    }
+
     /// The standard deviation that measurements of seven joint zeros tell, each of which has this variance by
     /// itself.
     fn told(measured: [f64; 7], variance: f64, by_images: bool) -> f64 {
         let kinds = (0..7).map(|i| (Kind::JointZero(i), FIRST_ZERO_SD_RAD)).collect();
-        let mut shared = Shared { values: Vec::new(), kinds, told: [Told { sd: 1.0, by_images }; 2] };
+        let mut shared = shared(kinds, by_images);
         for _ in 0..100 {
             let prior = shared.prior_information(0).recip();
             let gain = prior / (prior + variance);
@@ -255,5 +327,24 @@ mod tests {
         // a fraction of that.
         let exact = off.map(|it| it / 6.0);
         assert!(told(exact, 0.25, true) < 0.2);
+    }
+
+    /// What the images show of a patch, with this standard deviation, is its height if it rises above that;
+    /// where nothing rises the height vanishes, whatever the images show of it.
+    #[test]
+    fn patches_rise_where_images_say_so() {
+        let shown = [8.0, 0.3];
+        let variance = 0.25;
+        let mut shared = shared(Vec::new(), true);
+        shared.kinds.push((Kind::LinkSurface(3), FIRST_LINK_SD_M));
+        shared.values.push(0.0);
+        shared.add_patches(&BTreeSet::from([(3, [0, 0, 1]), (3, [0, 1, 1])]));
+        for _ in 0..100 {
+            let gain: Vec<f64> = (0..3).map(|at| 1.0 / (1.0 + variance * shared.prior_information(at))).collect();
+            (0..2).for_each(|patch| shared.values[1 + patch] = gain[1 + patch] * shown[patch]);
+            shared.tell(|at| gain[at] * variance);
+        }
+        assert!((shared.values[1] - 8.0).abs() < 0.05, "{:?}", shared.values);
+        assert!(shared.values[2].abs() < 0.01, "{:?}", shared.values);
     }
 }

@@ -14,7 +14,7 @@ use rand_pcg::Pcg64;
 
 use super::{
     ArmSample, Config, depths,
-    normal_equations::ImageEquations,
+    normal_equations::{ImageEquations, Row},
     parameters::{CameraState, FIRST_NUISANCE, OF_CAMERA, PosedArm, Shared},
     rendering::Rendering,
     silhouettes,
@@ -138,7 +138,7 @@ fn information(
     silhouettes::measure(&mut found, &rendering, camera, None, &small);
     let state = CameraState { X_WC: camera.X_WC, nuisance: [0.0; OF_CAMERA - FIRST_NUISANCE] };
     let mut equations = ImageEquations::new(OF_CAMERA + 1, 0.0);
-    let mut row = vec![0.0; OF_CAMERA + 1];
+    let mut row = Row::new();
     let images = config.images_per_pose as f64;
     let offset_sd = config.inverse_depth_sd_per_m * (config.common_fraction / images).sqrt();
     let by = f64::from(SMALLER);
@@ -153,7 +153,9 @@ fn information(
         };
         equations.add(&row, 0.0, images * weight);
     }
-    equations.eliminated().0
+    let mut information = DMatrix::zeros(OF_CAMERA, OF_CAMERA);
+    equations.eliminated().add_to(&mut information, 1.0);
+    information
 }
 
 /// Logarithm of the determinant of the information on a pose, the nuisances eliminated: that of the whole
