@@ -19,8 +19,7 @@ use crate::{
 
 const LEGEND: &str = "The scenario is honest, with random throws and one to four near stereo cameras. These run freely, without labels. Each throw draws \
 the errors of their poses: 0.2 mm along and 0.2 mrad about each axis (standard deviations). That is no less than \
-[calibration on the arm](calibration-and-perception.md) leaves. The brain lets corrections use up to 0.97 of what each joint can still reach \
-(`reach_fractions`), as in honest-aero. The rate *caught* is of all throws, also of those out of reach, with its interval (Wilson, 95 %).";
+[calibration on the arm](calibration-and-perception.md) leaves. The rate *caught* is of all throws, also of those out of reach, with its interval (Wilson, 95 %).";
 
 /// The built-in ones of near stereo cameras around the arm.
 pub fn rigs() -> impl Iterator<Item = String> {
@@ -28,9 +27,8 @@ pub fn rigs() -> impl Iterator<Item = String> {
 }
 
 /// Settings of near cameras in the scenario honest: they run freely, without labels, calibrated as well as a
-/// calibration on the arm achieves. The flight is known late, so corrections use all of the reachable set
-/// that single joints have left.
-const SETTINGS: [&str; 8] = [
+/// calibration on the arm achieves.
+const SETTINGS: [&str; 7] = [
     "camera=d435",
     "arena.free_running_cameras=true",
     "arena.depth.model=\"near_stereo\"",
@@ -38,7 +36,6 @@ const SETTINGS: [&str; 8] = [
     "arena.depth.calibration_sd_rad=0.0002",
     "brain.perception.camera_sd_rad=0.0",
     "brain.trajectory_prediction.systematic_sd_m=0.0003",
-    "brain.trajectory_optimization.reach_fractions=[0.97, 0.9, 0.8]",
 ];
 
 /// The scenario honest with one of them.

@@ -346,7 +346,6 @@ mod tests {
                 "brain.control.switching_hysteresis: found nan, expected a finite number",
             ),
             ("brain.perception.camera_sd_rad=inf", "brain.perception.camera_sd_rad: found inf"),
-            ("brain.trajectory_optimization.reach_fractions=[0.5, nan]", "reach_fractions[1]"),
             ("ready_rad=[0, 0, 0, 0, 0, 0, inf]", "ready_rad[6]: found inf, expected a finite number"),
             ("brain.trajectory_optimization.velocity_scaling=1.5", "0.01 to 1"),
             ("brain.seed=7", "--seed"),
@@ -368,7 +367,6 @@ mod tests {
         brain.trajectory_prediction.com_sd_m = Some(0.0);
         brain.grasp_selection.restitution = Some(0.5);
         brain.trajectory_optimization.object_mass_kg = Some(0.1);
-        brain.trajectory_optimization.reach_fractions = vec![0.9];
         let whole = toml::Value::try_from(&scenario).unwrap();
         let mut all = Vec::new();
         fields("", &whole, &mut all);

@@ -69,11 +69,6 @@ pub struct Config {
     /// The work of all search passes at one image, in units of 1 to 2 µs.
     #[serde(deserialize_with = "quantity::work")]
     pub max_work: usize,
-    /// Fractions of its reachability interval that each joint may use where the arm cannot make a correction
-    /// as a whole: what a joint at the end of its interval cannot do, the others do. Also where the approach
-    /// is not free with the whole correction. None by default: where corrections are late and large it pays.
-    #[serde(deserialize_with = "quantity::fraction")]
-    pub reach_fractions: Vec<f64>,
     /// Weights of the choice among reachable catches.
     pub weights: search::Weights,
 }
@@ -88,7 +83,6 @@ impl Default for Config {
             torque_scaling: 0.95,
             clearance_m: 0.02,
             max_work: 4000,
-            reach_fractions: Vec::new(),
             weights: search::Weights::default(),
         }
     }

@@ -36,6 +36,10 @@ const SHIFTS: Vector3<f64> = Vector3::new(1.0, 0.1, 0.4);
 /// A turn about each of these counts as much as a shift along the closing direction by so many metres per
 /// radian.
 const LEVERS_M: Vector3<f64> = Vector3::new(0.015, 0.025, 0.025);
+/// Fractions of its reachability interval that each joint may use where the arm cannot make a correction as a
+/// whole, or the approach is not free with it: what a joint at the end of its interval cannot do, the others
+/// do.
+const REACH_FRACTIONS: [f64; 3] = [0.97, 0.9, 0.8];
 /// Keeps the joints near the plan where the correction leaves them free, in m².
 const DAMPING: f64 = 1e-5;
 /// A posture is much nearer if it leaves less than this fraction of what the hand is off by.
@@ -120,8 +124,8 @@ impl CatchSearch {
     /// whether a posture is near enough, from the hand's errors in the plan's posture and in that one.
     fn within_reach(&self, to: &Correction, is_near: fn([f64; 2]) -> bool) -> impl Iterator<Item = CatchPlan> {
         let (wanted, motion) = (to.X_WG(), &self.motion);
-        motion.config.reach_fractions.iter().filter_map(move |fraction| {
-            let (posture, off_m) = self.nearest_posture(to, &wanted, *fraction)?;
+        REACH_FRACTIONS.into_iter().filter_map(move |fraction| {
+            let (posture, off_m) = self.nearest_posture(to, &wanted, fraction)?;
             let at = || self.at_posture(to, &motion.robot.gripper_pose(&posture.q), motion.moving_scaling(), posture);
             Some(self.opened(is_near(off_m).then(at)??, to))
         })

@@ -211,10 +211,6 @@ fn settings_out_of_range_are_named() {
             "settings of the brain: perception.camera_sd_rad: found nan, expected a finite number",
         ),
         (
-            fault(|it| it.trajectory_optimization.reach_fractions = vec![0.9, 2.0]),
-            "settings of the brain: trajectory_optimization.reach_fractions[1]: found 2, expected 0 to 1",
-        ),
-        (
             fault(|it| it.trajectory_optimization.max_work = 0),
             "settings of the brain: trajectory_optimization.max_work: found 0, expected 1 to 100000",
         ),

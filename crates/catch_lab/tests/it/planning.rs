@@ -300,37 +300,7 @@ fn many(desks: &[Desk], catches: usize, seed: u64) -> Outcomes {
 #[test]
 fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
     shifts_or_approaches(&Desk::new("banana", |_| {}));
-    shifts_or_approaches(&Desk::new("banana", |config| config.reach_fractions = vec![0.97, 0.9, 0.8]));
     shifts_or_approaches(&Desk::with_jerk("banana", 2000.0));
-}
-
-/// With reach left in each joint, the object finds a free way into the gripper more often, and never less.
-#[test]
-fn reach_left_in_each_joint_lets_more_objects_in() {
-    let [exact, with_reach] = [vec![], vec![0.97, 0.9, 0.8]]
-        .map(|fractions| Desk::new("banana", |config| config.reach_fractions.clone_from(&fractions)));
-    let mut rng = Pcg64::seed_from_u64(7);
-    let (mut replans, mut freed) = (0, 0);
-    for _ in 0..2500 {
-        let flight = random_flight(&mut rng);
-        let Ok(mut plan) = exact.search(&exact.waiting(), &flight) else { continue };
-        let (mut time_s, mut seen) = (plan.catch_s - 0.3, flight);
-        // One correction after the other, each of which takes some of the reach that is left.
-        while time_s > 0.0 && time_s < plan.catch_s - 0.05 {
-            let start = Start { time_s, state: plan.trajectory.setpoint(time_s) };
-            let mut between = |by: f64| rng.random_range(-by..by);
-            seen.p_WOcm += Vector3::new(between(0.02), between(0.02), between(0.02));
-            let of = |desk: &Desk| desk.retarget(&start, &seen, &plan);
-            let (before, after) = (of(&exact), of(&with_reach));
-            assert_eq!(before.is_some(), after.is_some());
-            let Some((before, after)) = before.zip(after) else { break };
-            assert!(after.approach_is_free >= before.approach_is_free, "{before:?} {after:?}");
-            replans += 1;
-            freed += usize::from(after.approach_is_free && !before.approach_is_free);
-            (plan, time_s) = (before, time_s + 0.05);
-        }
-    }
-    assert!(replans > 200 && freed > 0, "{freed} of {replans}");
 }
 
 /// However a bottle seems to have turned about its axis, the gripper stays where it holds it; and rounding

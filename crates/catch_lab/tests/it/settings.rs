@@ -151,7 +151,6 @@ const ALL: &[(Where, &[&str], &str)] = &[
     (Honest, &[], "brain.trajectory_optimization.torque_scaling=0.2"),
     (Honest, &[], "brain.trajectory_optimization.clearance_m=0.2"),
     (Honest, &[], "brain.trajectory_optimization.max_work=50"),
-    (Honest, &[], "brain.trajectory_optimization.reach_fractions=[0.9, 0.5]"),
     (Honest, &[], "brain.trajectory_optimization.weights.speed=20.0"),
     (Honest, &[], "brain.trajectory_optimization.weights.spin=20.0"),
     (Honest, &[], "brain.control.expected_latency_s=0.03"),
