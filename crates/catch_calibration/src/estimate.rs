@@ -14,8 +14,8 @@ use super::{
 
 /// Images of one camera, at least.
 const LEAST_IMAGES: usize = 3;
-/// A last step above this, in metres or radians, is no end.
-const LARGE_STEP: f64 = 3e-4;
+/// A last step of this many claimed standard deviations is no end.
+const LARGE_STEP_SD: f64 = 0.5;
 /// Residuals of depths over the data sheet's standard deviation beyond which the model is not what the images
 /// show.
 const MOST_DEPTH_SD: f64 = 2.0;
@@ -97,6 +97,7 @@ fn of_camera(i: usize, problem: &Problem<'_>, estimate: &Estimate, is_modelled: 
     let time_sd_s = entry(TIME_OFFSET, TIME_OFFSET).sqrt() * config.time_offset_sd_s;
     let moves = observed.images.iter().any(|it| !it.is_still(arm));
     let sd = |first: usize| covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
+    let step = estimate.last_step[i];
     let shows_the_arm =
         observed.images.iter().filter(|it| it.is_still(arm)).count() >= LEAST_IMAGES && residuals.depths > 0;
     let fits = is_modelled
@@ -109,7 +110,7 @@ fn of_camera(i: usize, problem: &Problem<'_>, estimate: &Estimate, is_modelled: 
         CalibrationStatus::PoorFit
     } else if !(sd(0) < MOST_SD_RAD && sd(3) < MOST_SD_M) {
         CalibrationStatus::Uncertain
-    } else if estimate.last_step[i] < LARGE_STEP {
+    } else if covariance.cholesky().is_some_and(|it| step.dot(&it.solve(&step)) < LARGE_STEP_SD.powi(2)) {
         CalibrationStatus::Converged
     } else {
         CalibrationStatus::NotConverged

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use catch_body::{Gripper, Robot, ray_cast::SurfacePart, statistics::median_in_place};
 use catch_cell::CameraModel;
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
 use super::{
     ArmSample, AveragedImage, Config, Residuals,
@@ -68,8 +68,8 @@ pub struct Estimate {
     /// Covariance of the parameters of all cameras. None where the equations have no solution.
     pub covariance: Option<DMatrix<f64>>,
     pub residuals: Vec<Residuals>,
-    /// The last step of each camera, in metres or radians, the larger.
-    pub last_step: Vec<f64>,
+    /// The last step of each camera, as its pose's covariance counts: rotation in rad and translation in m.
+    pub last_step: Vec<Vector6<f64>>,
 }
 
 /// Robust spread of the residuals of one camera, and how many of them say no more than one.
@@ -102,7 +102,7 @@ struct State<'a> {
     /// Offset that the depths of each image have in common, in 1/m.
     offsets: Vec<Vec<f64>>,
     residuals: Vec<Residuals>,
-    last_step: Vec<f64>,
+    last_step: Vec<Vector6<f64>>,
     /// Patches of links' surfaces that images show.
     patches: BTreeSet<Patch>,
 }
@@ -123,13 +123,13 @@ impl Problem<'_> {
             spreads: vec![spread; coarse.len()],
             offsets: self.cameras.iter().map(|it| vec![0.0; it.images.len()]).collect(),
             residuals: vec![Residuals::default(); coarse.len()],
-            last_step: vec![f64::INFINITY; coarse.len()],
+            last_step: vec![Vector6::repeat(f64::INFINITY); coarse.len()],
             cameras: coarse,
             patches: BTreeSet::new(),
         };
         for step in 0..STEPS {
             state.step(if step < FIRST_STEPS { Pass::First } else { Pass::All });
-            if step > FIRST_STEPS && state.last_step.iter().all(|it| *it < SMALL) {
+            if step > FIRST_STEPS && state.last_step.iter().all(|it| it.amax() < SMALL) {
                 break;
             }
         }
@@ -138,7 +138,7 @@ impl Problem<'_> {
         let mut equations = None;
         for _ in 0..REWEIGHTED_STEPS {
             equations = state.step(Pass::All);
-            if state.last_step.iter().all(|it| *it < SMALL) {
+            if state.last_step.iter().all(|it| it.amax() < SMALL) {
                 break;
             }
         }
@@ -196,7 +196,7 @@ impl State<'_> {
             let by = change.rows(OF_CAMERA * camera, OF_CAMERA);
             let [turn, p] = [0, 3].map(|first| Vector3::new(by[first], by[first + 1], by[first + 2]));
             state.X_WC *= moved(&p, &turn);
-            self.last_step[camera] = turn.norm().max(p.norm());
+            self.last_step[camera] = by.fixed_rows::<6>(0).into_owned();
             state.nuisance.iter_mut().enumerate().for_each(|(i, value)| *value += by[FIRST_NUISANCE + i]);
         }
         self.shared.values.iter_mut().enumerate().for_each(|(i, value)| *value += change[shared_from + i]);
