@@ -3,9 +3,9 @@
 //! The arm is the target. It stands still in poses that are chosen for information ([`pose_choice`]) and
 //! moves between them ([`CalibrationRun`]). Each image is compared with a rendering of the arm's known
 //! surface: inverse depths along the rays of pixels, and the number of pixels shown across each silhouette.
-//! All cameras are estimated together with what they have in common: joint zeros, sizes of the links and the
-//! mount of the gripper, as far as these are uncertain. Coarse alignment with several starts comes first
-//! ([`calibrate`]).
+//! All cameras are estimated together with what they have in common: joint zeros, sizes of the links, how far
+//! patches of their surfaces rise (covers, cables) and the mount of the gripper, as far as these are
+//! uncertain. Coarse alignment with several starts comes first ([`calibrate`]).
 //!
 //! Inputs are values; nothing here knows where the cameras truly are.
 //!
@@ -123,7 +123,7 @@ pub struct Config {
     /// if it is not set.
     pub joint_zero_sd_rad: Option<f64>,
     /// Standard deviation of how far the surface of each link is from its model, in metres; zero is exact. It
-    /// is estimated from the images, if it is not set.
+    /// is estimated from the images, if it is not set. Unless it is zero, covers and cables are expected too.
     pub link_sd_m: Option<f64>,
     /// Standard deviations of the gripper's mount, in metres and radians about each axis.
     pub mount_sd_m: f64,
