@@ -15,9 +15,9 @@ use super::{
     parameters::{FIRST_NUISANCE, OF_CAMERA},
 };
 
-/// The equations of all images and the priors.
+/// The solved equations of all images and the priors.
 pub struct Equations {
-    pub information: DMatrix<f64>,
+    /// Inverse of the information of all images and priors.
     pub inverse: DMatrix<f64>,
     pub images: Vec<ImageInformation>,
     /// Change of the parameters from where the images were linearized to the optimum.
@@ -26,19 +26,22 @@ pub struct Equations {
 
 /// Covariance of the parameters of so many cameras.
 pub fn of_cameras(equations: &Equations, cameras: usize) -> Option<DMatrix<f64>> {
-    let Equations { information, inverse, images, change } = equations;
-    let size = information.nrows();
-    let (mut of_images, mut jackknife) = (DMatrix::zeros(size, size), DMatrix::zeros(size, size));
+    let Equations { inverse, images, change } = equations;
+    let (size, of_cameras) = (inverse.nrows(), OF_CAMERA * cameras);
+    let mut of_images = DMatrix::zeros(size, size);
+    let mut jackknife = DMatrix::zeros(of_cameras, of_cameras);
     for image in images {
         image.add_to(&mut of_images, 1.0);
-        let mut without = information.clone();
-        image.add_to(&mut without, -1.0);
-        let mut away = DVector::zeros(size);
-        image.add_pull_to(&mut away, change);
-        without.cholesky()?.solve_mut(&mut away);
+        // (H − Hᵢ)⁻¹·gᵢ = H⁻¹·(I − Hᵢ·H⁻¹)⁻¹·gᵢ needs the places of the image alone.
+        let places = &image.places;
+        let own_inverse = DMatrix::from_fn(places.len(), places.len(), |a, b| inverse[(places[a], places[b])]);
+        let without = DMatrix::identity(places.len(), places.len()) - &image.information * own_inverse;
+        let pull = without.lu().solve(&image.pull_after(change))?;
+        let by_places = |i: usize| places.iter().zip(pull.iter()).map(|(at, pull)| inverse[(i, *at)] * pull).sum();
+        let away = DVector::from_fn(of_cameras, |i, _| by_places(i));
         jackknife.ger(1.0, &away, &away, 1.0);
     }
-    let of_residuals = inverse * of_images * inverse;
+    let of_residuals = inverse.rows(0, of_cameras) * of_images * inverse.columns(0, of_cameras);
     let ratio = |camera: usize| {
         let part = |matrix: &DMatrix<f64>| {
             matrix.view((OF_CAMERA * camera, OF_CAMERA * camera), (FIRST_NUISANCE, FIRST_NUISANCE)).into_owned()
@@ -47,7 +50,6 @@ pub fn of_cameras(equations: &Equations, cameras: usize) -> Option<DMatrix<f64>>
         Some((expected.cholesky()?.solve(&found).trace() / FIRST_NUISANCE as f64).max(1.0))
     };
     let added: Vec<f64> = (0..cameras).map(|it| Some((ratio(it)? - 1.0).sqrt())).collect::<Option<_>>()?;
-    let of_cameras = OF_CAMERA * cameras;
     let entry =
         |i: usize, j: usize| inverse[(i, j)] + of_residuals[(i, j)] * added[i / OF_CAMERA] * added[j / OF_CAMERA];
     Some(DMatrix::from_fn(of_cameras, of_cameras, entry))
@@ -71,16 +73,16 @@ mod tests {
                 let rows = DMatrix::from_fn(20, OF_CAMERA, |_, _| draw());
                 let residuals = DVector::from_fn(20, |_, _| factor * draw());
                 let places = (0..OF_CAMERA).collect();
-                let (by_last, last) = (vec![0.0; OF_CAMERA], [1.0, 0.0]);
+                let (coupling, common_information, common_pull) = (vec![0.0; OF_CAMERA], 1.0, 0.0);
                 let (information, pull) = (rows.tr_mul(&rows), rows.tr_mul(&residuals));
-                ImageInformation { places, information, pull, by_last, last }
+                ImageInformation { places, information, pull, coupling, common_information, common_pull }
             })
             .collect();
         let priors = DMatrix::identity(OF_CAMERA, OF_CAMERA) * prior;
         let information = images.iter().fold(priors, |sum, it| sum + &it.information);
         let inverse = information.clone().cholesky().unwrap().inverse();
         let change = &inverse * images.iter().fold(DVector::zeros(OF_CAMERA), |sum, it| sum + &it.pull);
-        let equations = Equations { information, inverse, images, change };
+        let equations = Equations { inverse, images, change };
         of_cameras(&equations, 1).unwrap().trace() / equations.inverse.trace()
     }
 

@@ -8,7 +8,7 @@ use super::{
     CAMERA_PARAMETERS, Calibration, CalibrationStatus, CameraCalibration, Config, Session,
     averaged_image::{AveragedImage, StillImage},
     coarse::{self, PosedPoints},
-    fine::{Estimate, Observed, Problem},
+    fine::{Estimate, Observed, Problem, SMALL},
     parameters::{CameraState, FIRST_LINK_SD_M, FIRST_NUISANCE, OF_CAMERA, TIME_OFFSET},
 };
 
@@ -98,6 +98,8 @@ fn of_camera(i: usize, problem: &Problem<'_>, estimate: &Estimate, is_modelled: 
     let moves = observed.images.iter().any(|it| !it.is_still(arm));
     let sd = |first: usize| covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
     let step = estimate.last_step[i];
+    let in_sd = || covariance.cholesky().map(|it| step.dot(&it.solve(&step)).sqrt());
+    let ends = step.amax() < SMALL || in_sd().is_some_and(|it| it < LARGE_STEP_SD);
     let shows_the_arm =
         observed.images.iter().filter(|it| it.is_still(arm)).count() >= LEAST_IMAGES && residuals.depths > 0;
     let fits = is_modelled
@@ -110,7 +112,7 @@ fn of_camera(i: usize, problem: &Problem<'_>, estimate: &Estimate, is_modelled: 
         CalibrationStatus::PoorFit
     } else if !(sd(0) < MOST_SD_RAD && sd(3) < MOST_SD_M) {
         CalibrationStatus::Uncertain
-    } else if covariance.cholesky().is_some_and(|it| step.dot(&it.solve(&step)) < LARGE_STEP_SD.powi(2)) {
+    } else if ends {
         CalibrationStatus::Converged
     } else {
         CalibrationStatus::NotConverged

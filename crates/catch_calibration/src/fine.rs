@@ -40,7 +40,7 @@ const REWEIGHTED_STEPS: usize = 6;
 const OF_FIRST_IMAGES: usize = 3;
 const FIRST_SILHOUETTE_PX: usize = 12;
 /// Steps smaller than this, in metres and radians, end it.
-const SMALL: f64 = 2e-5;
+pub const SMALL: f64 = 2e-5;
 /// Correlations are taken from one in so many images.
 const CORRELATED_IMAGES: usize = 4;
 
@@ -161,7 +161,6 @@ impl State<'_> {
         let shared_from = OF_CAMERA * self.cameras.len();
         let size = shared_from + self.shared.values.len();
         let (mut information, mut pull) = (DMatrix::zeros(size, size), DVector::zeros(size));
-        let nothing = pull.clone();
         let (mut of_images, mut images) = (Vec::new(), Vec::new());
         let mut of_offsets = vec![Vec::new(); self.cameras.len()];
         for camera in 0..self.cameras.len() {
@@ -171,7 +170,7 @@ impl State<'_> {
             for (image, mut own) in linearized {
                 own.places.iter_mut().for_each(|it| *it = place(*it));
                 own.add_to(&mut information, 1.0);
-                own.add_pull_to(&mut pull, &nothing);
+                own.add_pull_to(&mut pull);
                 images.push(own);
                 of_images.push((camera, image));
             }
@@ -190,7 +189,7 @@ impl State<'_> {
             information[(shared_from + i, shared_from + i)] += prior;
             pull[shared_from + i] -= value * prior;
         }
-        let factor = information.clone().cholesky()?;
+        let factor = information.cholesky()?;
         let change = factor.solve(&pull);
         for (camera, state) in self.cameras.iter_mut().enumerate() {
             let by = change.rows(OF_CAMERA * camera, OF_CAMERA);
@@ -202,7 +201,7 @@ impl State<'_> {
         self.shared.values.iter_mut().enumerate().for_each(|(i, value)| *value += change[shared_from + i]);
         for ((camera, image), own) in of_images.into_iter().zip(&images) {
             let offset_sd = self.spreads[camera].offset_sd(self.problem.cameras[camera].images[image]);
-            let (by, variance) = own.last(&change);
+            let (by, variance) = own.common_change(&change);
             self.offsets[camera][image] += offset_sd * by;
             of_offsets[camera].push((image, offset_sd * variance.sqrt()));
         }
@@ -214,7 +213,7 @@ impl State<'_> {
             self.shared.tell(|i| inverse[(shared_from + i, shared_from + i)]);
             self.shared.add_patches(&self.patches);
         }
-        Some(Equations { information, inverse, images, change })
+        Some(Equations { inverse, images, change })
     }
 
     /// The equations of each image of a camera; its spread and residuals become those of these images.

@@ -1,8 +1,8 @@
 //! Derivatives of what is predicted, against central differences of renderings.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use catch_body::{Gripper, Robot, pose::look_at, robot_file::RobotFiles};
+use catch_body::{Gripper, Robot, pose::look_at, ray_cast::SurfacePart, robot_file::RobotFiles};
 use catch_cell::CameraModel;
 use nalgebra::{Point3, Vector3};
 
@@ -12,7 +12,7 @@ use super::{
     depths,
     measurement::Measurement,
     normal_equations::Row,
-    parameters::{CameraState, FIRST_NUISANCE, OF_CAMERA, PosedArm, Shared, TIME_OFFSET},
+    parameters::{CameraState, FIRST_NUISANCE, OF_CAMERA, Patch, PosedArm, Shared, TIME_OFFSET},
     rendering::Rendering,
     silhouettes,
 };
@@ -143,4 +143,31 @@ fn derivatives_are_those_of_the_renderings() {
             assert!(half < 0.02 && most < 0.1, "parameter {parameter}, depths {depths}: {half}, {most}");
         }
     }
+}
+
+/// A patch that rises changes what is measured of it as the whole link does, and its correction is what its
+/// derivative says.
+#[test]
+fn patches_count_as_their_links_do() {
+    let mut world = World::new();
+    let state = CameraState { X_WC: world.camera.X_WC, nuisance: [0.0; OF_CAMERA - FIRST_NUISANCE] };
+    let measured = world.measured();
+    let patches: BTreeSet<Patch> = measured.iter().filter_map(|it| world.posed().patch(it, &state.X_WC)).collect();
+    let others = world.shared.values.len();
+    world.shared.add_patches(&patches);
+    world.shared.values[others..].fill(1.0);
+    assert!(patches.len() > 50 && world.shared.values.len() == others + patches.len());
+    let posed = world.posed();
+    let (mut row, mut checked) = (Row::new(), 0);
+    for it in &measured {
+        posed.row(&mut row, it, &state, 0.0, &world.config);
+        let of_patches: Vec<f64> =
+            row.iter().filter(|(at, _)| *at >= OF_CAMERA + others).map(|(_, entry)| *entry).collect();
+        let correction = posed.patch_correction(it, posed.patch(it, &state.X_WC));
+        assert!((of_patches.iter().sum::<f64>() - correction).abs() < 1e-15 && of_patches.len() <= 1);
+        let SurfacePart::Link(_) = it.part else { continue };
+        assert!(of_patches.iter().all(|of_patch| row.iter().filter(|(_, entry)| entry == of_patch).count() >= 2));
+        checked += of_patches.len();
+    }
+    assert!(checked > 1000, "{checked}");
 }

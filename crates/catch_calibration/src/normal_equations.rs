@@ -38,7 +38,7 @@ impl ImageEquations {
     /// The equations of the parameters that the image depends on, without the last one.
     pub fn eliminated(&self) -> ImageInformation {
         let (size, last) = (self.size, self.size - 1);
-        let places: Vec<usize> = (0..last).filter(|i| self.information[i * size + i] > 0.0).collect();
+        let places: Vec<usize> = (0..last).filter(|i| self.information[i * size + i] != 0.0).collect();
         let pivot = self.information[size * size - 1];
         let by_last: Vec<f64> = places.iter().map(|i| self.information[i * size + last]).collect();
         let (mut information, mut pull) = (DMatrix::zeros(places.len(), places.len()), DVector::zeros(places.len()));
@@ -50,7 +50,8 @@ impl ImageEquations {
                 (information[(a, b)], information[(b, a)]) = (value, value);
             }
         }
-        ImageInformation { places, information, pull, by_last, last: [pivot, self.pull[last]] }
+        let (coupling, common_pull) = (by_last, self.pull[last]);
+        ImageInformation { places, information, pull, coupling, common_information: pivot, common_pull }
     }
 }
 
@@ -61,9 +62,10 @@ pub struct ImageInformation {
     pub places: Vec<usize>,
     pub information: DMatrix<f64>,
     pub pull: DVector<f64>,
-    /// Information that the eliminated parameter has in common with these, and its own, and its pull.
-    pub by_last: Vec<f64>,
-    pub last: [f64; 2],
+    /// Information that the eliminated parameter has in common with these, its own, and its pull.
+    pub coupling: Vec<f64>,
+    pub common_information: f64,
+    pub common_pull: f64,
 }
 
 impl ImageInformation {
@@ -76,18 +78,21 @@ impl ImageInformation {
         }
     }
 
-    /// Adds its pull, from where a change of all parameters leads, to that of all.
-    pub fn add_pull_to(&self, sum: &mut DVector<f64>, change: &DVector<f64>) {
-        let pull = &self.pull - &self.information * DVector::from_fn(self.pull.len(), |i, _| change[self.places[i]]);
-        self.places.iter().zip(pull.iter()).for_each(|(at, pull)| sum[*at] += pull);
+    /// Adds its pull to that of all parameters.
+    pub fn add_pull_to(&self, sum: &mut DVector<f64>) {
+        self.places.iter().zip(self.pull.iter()).for_each(|(at, pull)| sum[*at] += pull);
+    }
+
+    /// Its pull from where a change of all parameters leads.
+    pub fn pull_after(&self, change: &DVector<f64>) -> DVector<f64> {
+        &self.pull - &self.information * DVector::from_fn(self.pull.len(), |i, _| change[self.places[i]])
     }
 
     /// Change of the eliminated parameter that goes with a change of all others, and its variance where they
     /// are known.
-    pub fn last(&self, change: &DVector<f64>) -> (f64, f64) {
-        let [pivot, pull] = self.last;
-        let coupled: f64 = self.places.iter().zip(&self.by_last).map(|(i, by)| by * change[*i]).sum();
-        ((pull - coupled) / pivot, 1.0 / pivot)
+    pub fn common_change(&self, change: &DVector<f64>) -> (f64, f64) {
+        let coupled: f64 = self.places.iter().zip(&self.coupling).map(|(i, by)| by * change[*i]).sum();
+        ((self.common_pull - coupled) / self.common_information, 1.0 / self.common_information)
     }
 }
 
@@ -113,6 +118,6 @@ mod tests {
         let eliminated = image.eliminated();
         let found = eliminated.information.clone().cholesky().unwrap().solve(&eliminated.pull);
         assert!((found - expected.rows(0, 2)).norm() < 1e-12);
-        assert!((eliminated.last(&expected).0 - expected[2]).abs() < 1e-12);
+        assert!((eliminated.common_change(&expected).0 - expected[2]).abs() < 1e-12);
     }
 }

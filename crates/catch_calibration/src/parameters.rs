@@ -1,8 +1,9 @@
 //! Parameters of a calibration, and the derivatives of measurements by them.
 //!
 //! Parameters other than the cameras' poses count in their standard deviations, so that each has the prior
-//! N(0, 1), and one that is exact has a column of zeros. Where no standard deviation of joint zeros or links'
-//! surfaces is given, it is estimated from the images ([`Shared::tell`]).
+//! N(0, 1), and one that is exact is left out. Where no standard deviation of joint zeros or links' surfaces is
+//! given, it is estimated from the images ([`Shared::tell`]); so is that of the height of each patch, which
+//! counts in the standard deviation of surfaces that it begins with.
 
 use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 
@@ -76,8 +77,9 @@ pub struct Shared {
     told: [Told; 2],
     /// Patches of links' surfaces, whose heights are the last parameters, in the order of their numbers.
     patches: BTreeMap<Patch, usize>,
-    /// Standard deviation of each patch's height over the first one of links' surfaces.
+    /// Standard deviation of each patch's height over that of links' surfaces, and the latter in metres.
     patch_sd: Vec<f64>,
+    surface_sd_m: f64,
 }
 
 /// A patch of a link's surface: the link, and a cube of its frame.
@@ -121,12 +123,13 @@ impl Shared {
         let all = zeros.chain(links).chain(rotation).chain(translation);
         let kinds: Vec<(Kind, f64)> = all.filter(|(_, sd)| *sd > 0.0).collect();
         let told = [config.joint_zero_sd_rad, config.link_sd_m].map(|set| Told { sd: 1.0, by_images: set.is_none() });
-        Self { values: vec![0.0; kinds.len()], kinds, told, patches: BTreeMap::new(), patch_sd: Vec::new() }
+        let (patches, patch_sd) = (BTreeMap::new(), Vec::new());
+        Self { values: vec![0.0; kinds.len()], kinds, told, patches, patch_sd, surface_sd_m: link_sd_m }
     }
 
     /// Adds a height for each patch that has none, unless surfaces are exact.
     pub fn add_patches(&mut self, patches: &BTreeSet<Patch>) {
-        if !self.kinds.iter().any(|(kind, _)| matches!(kind, Kind::LinkSurface(_))) {
+        if self.surface_sd_m == 0.0 {
             return;
         }
         for patch in patches {
@@ -157,7 +160,8 @@ impl Shared {
         }
         // Each patch has a standard deviation of its own, which vanishes where nothing rises (sparse Bayesian
         // learning, Tipping 2001).
-        for (sd, at) in self.patch_sd.iter_mut().zip(self.kinds.len()..) {
+        let [_, surfaces] = self.told;
+        for (sd, at) in self.patch_sd.iter_mut().zip(self.kinds.len()..).filter(|_| surfaces.by_images) {
             let determined = 1.0 - variance(at) / sd.powi(2);
             *sd = (self.values[at].powi(2) / determined.max(LEAST_DETERMINED)).sqrt().clamp(TOLD[0], TOLD[1]);
         }
@@ -226,7 +230,7 @@ impl<'a> PosedArm<'a> {
     /// Correction of a measurement's prediction by the height of its patch.
     pub fn patch_correction(&self, it: &Measurement, patch: Option<Patch>) -> f64 {
         let height = patch.and_then(|patch| self.shared.height_at(patch)).map_or(0.0, |at| self.shared.values[at]);
-        it.gradient_C.dot(&it.normal_C) * height * FIRST_LINK_SD_M
+        it.gradient_C.dot(&it.normal_C) * height * self.shared.surface_sd_m
     }
 
     /// The derivatives of a measurement by the parameters: those of its camera, those in common, and at last
@@ -276,7 +280,7 @@ impl<'a> PosedArm<'a> {
             add(OF_CAMERA + i, by * sd);
         }
         if let Some(at) = self.patch(it, &camera.X_WC).and_then(|patch| self.shared.height_at(patch)) {
-            add(OF_CAMERA + at, outward * FIRST_LINK_SD_M);
+            add(OF_CAMERA + at, outward * self.shared.surface_sd_m);
         }
         add(OF_CAMERA + self.shared.values.len(), if it.is_depth() { offset_sd } else { 0.0 });
     }
@@ -300,7 +304,8 @@ mod tests {
 
     fn shared(kinds: Vec<(Kind, f64)>, by_images: bool) -> Shared {
         let told = [Told { sd: 1.0, by_images }; 2];
-        Shared { values: Vec::new(), kinds, told, patches: BTreeMap::new(), patch_sd: Vec::new() }
+        let (patches, patch_sd) = (BTreeMap::new(), Vec::new());
+        Shared { values: Vec::new(), kinds, told, patches, patch_sd, surface_sd_m: FIRST_LINK_SD_M }
     }
 
     /// The standard deviation that measurements of seven joint zeros tell, each of which has this variance by
@@ -330,7 +335,7 @@ mod tests {
     }
 
     /// What the images show of a patch, with this standard deviation, is its height if it rises above that;
-    /// where nothing rises the height vanishes, whatever the images show of it.
+    /// a height within what the images do not know vanishes.
     #[test]
     fn patches_rise_where_images_say_so() {
         let shown = [8.0, 0.3];

@@ -18,8 +18,8 @@ use crate::{
 };
 
 const LEGEND: &str = "The scenario is honest, with random throws and one to four near stereo cameras. These run freely, without labels. Each throw draws \
-the errors of their poses: 0.2 mm along and 0.2 mrad about each axis (standard deviations). That is no less than \
-[calibration on the arm](calibration-and-perception.md) leaves. The rate *caught* is of all throws, also of those out of reach, with its interval (Wilson, 95 %).";
+the errors of their poses: 0.2 mm along and 0.2 mrad about each axis (standard deviations). That is about what \
+[calibration on the arm](calibration-and-perception.md) leaves where the arm is as modelled. The rate *caught* is of all throws, also of those out of reach, with its interval (Wilson, 95 %).";
 
 /// The built-in ones of near stereo cameras around the arm.
 pub fn rigs() -> impl Iterator<Item = String> {
