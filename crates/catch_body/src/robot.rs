@@ -168,12 +168,12 @@ impl Robot {
         fits.then(|| JointVector::from_fn(|i, _| values.get(i).copied().unwrap_or(0.0)))
     }
 
-    /// Reads the meshes of the visual shapes.
+    /// Reads the meshes of the visual shapes that files hold.
     ///
     /// # Errors
     /// The first fault of one of them.
     pub fn with_meshes(mut self, read: &ReadMesh) -> Result<Self, InputError> {
-        self.visuals.values_mut().try_for_each(|it| it.read(read))?;
+        self.visuals.values_mut().filter(|it| !it.mesh.is_empty()).try_for_each(|it| it.read(read))?;
         Ok(self)
     }
 

@@ -12,8 +12,9 @@ use inertia::{LinkFields, link_inertia, stated_inertia};
 
 use crate::{
     InputError,
+    mesh::TriangleMesh,
     pose::PoseFields,
-    quantity,
+    quantity::{self, Quantity},
     robot::{Joint, JointLimits, MAX_JOINTS, Robot},
     shape::Capsule,
     stated::Stated,
@@ -21,6 +22,9 @@ use crate::{
     velocity_table::VelocityFields,
     visual::Visual,
 };
+
+/// Rings and columns of depths below a capsule at most: finer ones would make cameras slow.
+const MOST_RINGS: usize = 48;
 
 /// Contents of the `robot.toml` beside a `robot.urdf`.
 #[derive(Deserialize)]
@@ -131,6 +135,10 @@ struct CapsuleFields {
     /// Radius.
     #[serde(deserialize_with = "quantity::radius_m")]
     radius_m: f64,
+    /// Depth of the link's own surface below the capsule, as cameras see it: rings from the first pole to the
+    /// second, at equal distances along the surface. A pole is one number, each ring between has as many.
+    #[serde(default)]
+    depths_mm: Vec<Vec<f64>>,
     /// True if nobody published the capsule.
     #[serde(default)]
     assumed: bool,
@@ -172,7 +180,7 @@ impl Robot {
             let expected = format!("at most {MOST_CAPSULES}");
             return Err(InputError::new(files.toml_file, "collision.capsules", format!("{count} capsules"), expected));
         }
-        let (mut capsules, mut faults) = (Vec::new(), Vec::new());
+        let (mut capsules, mut faults, mut surfaces) = (Vec::new(), Vec::new(), BTreeMap::<usize, TriangleMesh>::new());
         for (i, capsule) in extra.collision.capsules.iter().enumerate() {
             let field = |name: &str| format!("collision.capsules[{i}].{name}");
             let link = link_names.iter().position(|name| *name == capsule.link).unwrap_or_else(|| {
@@ -180,11 +188,22 @@ impl Robot {
                 faults.push(InputError::new(files.toml_file, field("link"), &capsule.link, expected));
                 0
             });
-            let &CapsuleFields { from_m, to_m, radius_m, .. } = capsule;
-            capsules.push((link, Capsule { from: from_m.into(), to: to_m.into(), radius: radius_m }));
+            let &CapsuleFields { from_m, to_m, radius_m, ref depths_mm, .. } = capsule;
+            let solid = Capsule { from: from_m.into(), to: to_m.into(), radius: radius_m };
+            match checked_depths(files.toml_file, &field("depths_mm"), radius_m, depths_mm) {
+                Err(fault) => faults.push(fault),
+                Ok(()) if depths_mm.is_empty() => {}
+                Ok(()) => {
+                    let surface = TriangleMesh::below_capsule(&solid, depths_mm);
+                    surfaces.entry(link).or_default().merge(&surface);
+                }
+            }
+            capsules.push((link, solid));
             faults.extend(unreasoned(files, &field(""), capsule.assumed, capsule.reason.as_ref()));
         }
-        let visuals = visuals_of_links(files, extra.visuals, &link_names, &mut faults);
+        let mut visuals: BTreeMap<usize, Visual> =
+            surfaces.into_iter().map(|(link, it)| (link, Visual::of_surface(it))).collect();
+        visuals.extend(visuals_of_links(files, extra.visuals, &link_names, &mut faults));
         let mut mounted = |field: &str, mount: &MountFields| {
             faults.extend(unreasoned(files, field, mount.assumed, mount.reason.as_ref()));
             PoseFields { position_m: mount.position_m, rpy_rad: mount.rpy_rad }.pose()
@@ -235,6 +254,28 @@ impl Robot {
         }
         Ok(q)
     }
+}
+
+/// Checks the depths of a link's surface below a capsule.
+fn checked_depths(file: &str, field: &str, radius_m: f64, depths_mm: &[Vec<f64>]) -> Result<(), InputError> {
+    let count = depths_mm.len();
+    if count > 0 && !(3..=MOST_RINGS).contains(&count) {
+        return Err(InputError::new(file, field, format!("{count} rings"), format!("3 to {MOST_RINGS}")));
+    }
+    let columns = depths_mm.get(1).map_or(3, Vec::len).clamp(3, MOST_RINGS);
+    for (i, ring) in depths_mm.iter().enumerate() {
+        let expected = if i == 0 || i + 1 == count { 1 } else { columns };
+        if ring.len() != expected {
+            let expected = format!("{expected}: one at a pole, as many in each ring between, 3 to {MOST_RINGS}");
+            return Err(InputError::new(file, format!("{field}[{i}]"), format!("{} numbers", ring.len()), expected));
+        }
+        // A depth of the whole radius would make triangles without area.
+        let within = Quantity { least: 0.0, most: radius_m * 1e3 - 0.1, unit: "mm" };
+        for (k, depth_mm) in ring.iter().enumerate() {
+            within.check(file, format!("{field}[{i}][{k}]"), *depth_mm)?;
+        }
+    }
+    Ok(())
 }
 
 /// Visual shapes by the numbers of their links.

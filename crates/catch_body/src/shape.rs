@@ -1,6 +1,8 @@
 //! Simple solids and the distances between them.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use nalgebra::{Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::pose::Pose;
 
@@ -38,6 +40,26 @@ impl Capsule {
     /// Radius of the ball around [`Self::centre`] that holds the capsule.
     pub fn bounding_radius(&self) -> f64 {
         (self.to - self.from).norm() / 2.0 + self.radius
+    }
+
+    /// The frame of the capsule: its origin is the first end of the segment, which goes along z.
+    pub fn frame(&self) -> Pose {
+        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &(self.to - self.from))
+            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI));
+        Pose::from_parts(Translation3::from(self.from), turn)
+    }
+
+    /// The point of the segment below a point of the surface, and the direction from there to the surface; in
+    /// [`Self::frame`]. The fractions are of the way along the surface from pole to pole, and of the turn
+    /// about the segment from x towards y.
+    pub fn surface_point(&self, [along, around]: [f64; 2]) -> (Point3<f64>, Vector3<f64>) {
+        let length = (self.to - self.from).norm();
+        let cap = FRAC_PI_2 * self.radius;
+        let way = along * (length + 2.0 * cap) - cap;
+        let z = way.clamp(0.0, length);
+        let (up, across) = libm::sincos((way - z) / self.radius);
+        let (sin, cos) = libm::sincos(TAU * around);
+        (Point3::new(0.0, 0.0, z), Vector3::new(across * cos, across * sin, up))
     }
 
     /// Distance of a point from the surface, negative inside.

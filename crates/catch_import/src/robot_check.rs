@@ -28,7 +28,7 @@ pub(super) fn note_of_visuals(robot: &Robot) -> Option<String> {
         format!("; of {} they see the capsules", as_capsules.join(", "))
     };
     let (count, (most_mm, link)) = (robot.visuals.len(), farthest);
-    let fit = if most_mm > 0.0 {
+    let fit = if most_mm > 0.05 {
         format!("up to {most_mm:.1} mm outside of their capsules ({})", name(link))
     } else {
         "inside their capsules".to_owned()

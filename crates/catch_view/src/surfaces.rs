@@ -1,9 +1,8 @@
 //! The surfaces that pictures of a throw show, each in the frame that moves it.
 //!
-//! Where a file brings a visual shape, it is shown. Of built-in arms, hands and objects only what they touch
-//! with is known; their look is derived from it.
+//! Where a file brings a visual shape, it is shown. Of built-in hands and objects only what they touch with
+//! is known; their look is derived from it.
 
-mod arm;
 mod hand;
 pub mod paint;
 mod thing;
@@ -14,6 +13,8 @@ use serde::Serialize;
 
 use paint::{Colour, SHELL, SURROUNDINGS};
 
+/// Flat strips around a link of which only capsules are known.
+const SEGMENTS: u32 = 24;
 /// A surface with more triangles is thinned: more would only make files large.
 const MOST_TRIANGLES: usize = 4_000;
 
@@ -50,20 +51,9 @@ pub enum Part {
 /// Arm, gripper, obstacles and, where its surface is known, object.
 pub fn surfaces(robot: &Robot, gripper: &Gripper, object: Option<&TriangleMesh>) -> Vec<Surface> {
     let mut surfaces: Vec<Surface> = Vec::new();
-    let mut add = |of, link, mesh: TriangleMesh, colour| {
-        // What moves together and looks the same is one surface.
-        match surfaces.iter_mut().find(|it| (it.of, it.link, it.colour) == (of, link, colour) && of == Part::Link) {
-            Some(same) => same.mesh.merge(&mesh),
-            None => surfaces.push(Surface { of, link, mesh, colour }),
-        }
-    };
-    for (link, visual) in &robot.visuals {
-        if let Some(mesh) = visual.mesh() {
-            add(Part::Link, *link, mesh.clone(), SHELL);
-        }
-    }
-    for (link, mesh, colour) in arm::pieces(robot, gripper) {
-        add(Part::Link, link, mesh, colour);
+    let mut add = |of, link, mesh: TriangleMesh, colour| surfaces.push(Surface { of, link, mesh, colour });
+    for link in 0..=robot.dof() {
+        add(Part::Link, link, robot.link_surface(link, SEGMENTS), SHELL);
     }
     let hand = [(Part::Housing, hand::housing(gripper)), (Part::Finger, hand::finger(gripper))];
     for (of, (mesh, colour)) in hand.into_iter().flat_map(|(of, pieces)| pieces.into_iter().map(move |it| (of, it))) {

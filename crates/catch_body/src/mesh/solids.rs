@@ -5,13 +5,10 @@ use std::{
     f64::consts::{FRAC_PI_2, TAU},
 };
 
-use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Vector3};
 
 use super::{TriangleMesh, index};
-use crate::{
-    pose::Pose,
-    shape::{Capsule, Cuboid},
-};
+use crate::shape::{Capsule, Cuboid};
 
 /// An elliptic cross-section of a tube.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,9 +90,28 @@ impl TriangleMesh {
         // Two equal rings would make triangles without area: a capsule of no length is a ball.
         let upper = (u32::from(length <= 0.0)..=arcs).map(|i| at(length.max(f64::MIN_POSITIVE), i));
         let profile: Vec<[f64; 2]> = lower.chain(upper).collect();
-        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &along)
-            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
-        Self::revolution(&profile, segments).transformed(&Pose::from_parts(Translation3::from(capsule.from), turn))
+        Self::revolution(&profile, segments).transformed(&capsule.frame())
+    }
+
+    /// The surface that lies below a capsule by `depths_mm`: rings of equally many points from pole to pole,
+    /// at equal distances along the capsule, the poles being one point each.
+    pub fn below_capsule(capsule: &Capsule, depths_mm: &[Vec<f64>]) -> Self {
+        let X_LC = capsule.frame();
+        let mut mesh = Self::default();
+        let mut previous: Option<Vec<u32>> = None;
+        for (i, ring) in depths_mm.iter().enumerate() {
+            let first = index(mesh.vertices.len());
+            let along = i as f64 / (depths_mm.len() - 1) as f64;
+            mesh.vertices.extend(ring.iter().enumerate().map(|(k, depth_mm)| {
+                let (axis, outwards) = capsule.surface_point([along, k as f64 / ring.len() as f64]);
+                X_LC * (axis + outwards * (capsule.radius - depth_mm * 1e-3))
+            }));
+            let ring: Vec<u32> = (first..index(mesh.vertices.len())).collect();
+            if let Some(previous) = previous.replace(ring.clone()) {
+                mesh.join_rings(&previous, &ring);
+            }
+        }
+        mesh
     }
 
     /// The solid that a `profile` of points (z, r) sweeps around the z axis, cut into `segments` flat strips.

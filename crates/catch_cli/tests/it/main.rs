@@ -20,6 +20,7 @@ mod object_import;
 mod other_readers;
 mod own_data;
 mod pages;
+mod public_arms;
 mod recorded_flights;
 mod recording;
 mod reference;

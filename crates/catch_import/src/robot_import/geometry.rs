@@ -39,8 +39,8 @@ pub struct BodyShape {
 }
 
 impl BodyShape {
-    /// Reads the shapes of a body, those for collisions if there are any, and fits capsules; `file` is the
-    /// description.
+    /// Reads the shapes of a body and fits capsules around those for collisions and what cameras see; `file`
+    /// is the description.
     ///
     /// # Errors
     /// If it has more shapes or triangles than are read.
@@ -73,6 +73,8 @@ impl BodyShape {
             shape.visual = Some(visual(&visuals, &body.visuals));
         }
         shape.surface = if collisions.triangles.is_empty() { visuals } else { collisions };
+        // Makers' shapes for collisions are often smaller than what one sees of the link.
+        shape.surface.merge(shape.visual.as_ref().map_or(&TriangleMesh::default(), |(mesh, _)| mesh));
         shape.capsules = capsule_fit::enclosing_capsules(&shape.surface).iter().map(rounded_outwards).collect();
         Ok(shape)
     }
