@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn stretched_out_arm_stands_straight_up() {
         let X_WG = iiwa().gripper_pose(&JointVector::zeros());
-        assert!((X_WG.translation.vector - Vector3::new(0.0, 0.0, 0.36 + 0.42 + 0.4 + 0.171)).norm() < 1e-9);
+        assert!((X_WG.translation.vector - Vector3::new(0.0, 0.0, 0.36 + 0.42 + 0.4 + 0.081 + 0.05375)).norm() < 1e-9);
         assert!((X_WG * Vector3::y() - Vector3::z()).norm() < 1e-9, "the gripper points away from the arm");
     }
 

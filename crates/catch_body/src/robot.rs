@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use nalgebra::{Point3, SMatrix, SVector, Unit, Vector3};
+use nalgebra::{Point3, SMatrix, SVector, Translation3, Unit, Vector3};
 use serde::{Deserialize, Serialize};
 
 pub use crate::inertia::Inertia;
@@ -121,10 +121,12 @@ pub struct Robot {
     pub X_WB: Pose,
     /// Joints, base to tip.
     pub joints: Vec<Joint>,
-    /// Pose of the gripper in the last link.
+    /// Pose of the flange in the last link, with the axes of a gripper that is mounted there.
+    pub X_LF: Pose,
+    /// Flanges as grippers meet them that are mounted in another way, by their names.
+    pub X_LF_by_gripper: BTreeMap<String, Pose>,
+    /// Pose of the gripper in the last link: the flange's until one is [mounted](Self::with_mount_of).
     pub X_LG: Pose,
-    /// Poses in the last link of grippers that are mounted in another way, by their names.
-    pub X_LG_by_gripper: BTreeMap<String, Pose>,
     /// Point in the frame of the gripper at which the fingers close: its origin until one is
     /// [carried](Self::carrying).
     pub tool_G: Point3<f64>,
@@ -214,9 +216,10 @@ impl Robot {
         self
     }
 
-    /// Mounts the arm's gripper in the pose of this one.
+    /// Mounts a gripper: the back of its housing at the flange.
     pub fn with_mount_of(mut self, gripper: &Gripper) -> Self {
-        self.X_LG = self.X_LG_by_gripper.get(&gripper.name).copied().unwrap_or(self.X_LG);
+        let X_LF = self.X_LF_by_gripper.get(&gripper.name).unwrap_or(&self.X_LF);
+        self.X_LG = X_LF * Translation3::new(0.0, gripper.palm_y_m(), 0.0);
         self
     }
 

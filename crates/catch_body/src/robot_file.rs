@@ -32,11 +32,11 @@ const MOST_RINGS: usize = 48;
 struct RobotFile {
     /// Pose of the base in the world.
     base: PoseFields,
-    /// Pose of the gripper on the last link.
-    gripper_mount: MountFields,
-    /// Poses of grippers that are mounted in another way, by the gripper's name.
+    /// The flange, at which the back of a gripper's housing is mounted.
+    flange: FlangeFields,
+    /// Flanges as grippers meet them that are mounted in another way, by the gripper's name.
     #[serde(default)]
-    gripper_mounts: BTreeMap<String, MountFields>,
+    flanges: BTreeMap<String, FlangeFields>,
     /// Speed at which the maker's controller stops, of the flange and of the tool.
     #[serde(default, deserialize_with = "quantity::hand_speed_mps")]
     max_hand_speed_mps: Option<f64>,
@@ -54,11 +54,12 @@ struct RobotFile {
     visuals: BTreeMap<String, Visual>,
 }
 
-/// A pose on the last link.
+/// A flange on the last link. Its axes are those of a gripper there: the fingers close along x, y is the
+/// approach.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct MountFields {
-    /// Origin of the gripper in the frame of the last link.
+struct FlangeFields {
+    /// Middle of the flange's face in the frame of the last link.
     #[serde(deserialize_with = "quantity::offset_m")]
     position_m: [f64; 3],
     /// Rotation: roll, pitch and yaw about the fixed axes x, y and z, as in URDF.
@@ -204,21 +205,21 @@ impl Robot {
         let mut visuals: BTreeMap<usize, Visual> =
             surfaces.into_iter().map(|(link, it)| (link, Visual::of_surface(it))).collect();
         visuals.extend(visuals_of_links(files, extra.visuals, &link_names, &mut faults));
-        let mut mounted = |field: &str, mount: &MountFields| {
+        let mut mounted = |field: &str, mount: &FlangeFields| {
             faults.extend(unreasoned(files, field, mount.assumed, mount.reason.as_ref()));
             PoseFields { position_m: mount.position_m, rpy_rad: mount.rpy_rad }.pose()
         };
-        let X_LG = mounted("gripper_mount.", &extra.gripper_mount);
-        let named = extra.gripper_mounts.iter();
-        let X_LG_by_gripper =
-            named.map(|(name, it)| (name.clone(), mounted(&format!("gripper_mounts.{name}."), it))).collect();
+        let X_LF = mounted("flange.", &extra.flange);
+        let named = extra.flanges.iter();
+        let X_LF_by_gripper = named.map(|(name, it)| (name.clone(), mounted(&format!("flanges.{name}."), it))).collect();
 
         let mut robot = Self {
             name: urdf.name.clone(),
             base_link,
             X_WB: extra.base.pose(),
-            X_LG,
-            X_LG_by_gripper,
+            X_LF,
+            X_LF_by_gripper,
+            X_LG: X_LF,
             tool_G: nalgebra::Point3::origin(),
             max_hand_speed_mps: extra.max_hand_speed_mps,
             joints,
@@ -577,9 +578,9 @@ pub(crate) mod tests {
         for (from, to, expected) in [
             ("[base]\nposition_m = [", "[base]\nposition_m = [-500.0, ", "base.position_m"),
             (
-                "[gripper_mount]\nposition_m = [0.0, ",
-                "[gripper_mount]\nposition_m = [nan, ",
-                "gripper_mount.position_m[0]",
+                "[flange]\nposition_m = [0.0, ",
+                "[flange]\nposition_m = [nan, ",
+                "flange.position_m[0]",
             ),
             ("radius_m = 0.0", "radius_m = 9.0", "collision.capsules[1].radius_m"),
         ] {
@@ -623,7 +624,7 @@ pub(crate) mod tests {
             let gripper = crate::Gripper::from_toml(&file, &std::fs::read_to_string(&file).unwrap()).unwrap();
             panda.clone().with_mount_of(&gripper).X_LG
         });
-        assert_eq!(wsg50, panda.X_LG);
+        assert!((wsg50.translation.vector - Vector3::new(0.0, 0.0, 0.107 + 0.03625)).norm() < 1e-12);
         let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -std::f64::consts::FRAC_PI_4);
         assert!((franka_hand.rotation * Vector3::x() - turned * Vector3::y()).norm() < 1e-9);
         let flange = franka_hand * Point3::new(0.0, -0.033, 0.0);

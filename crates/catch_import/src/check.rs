@@ -43,7 +43,7 @@ const TELLTALES: [(&str, Kind); 14] = [
     ("extends", Kind::Scenario),
     ("flight_rig", Kind::Scenario),
     ("arena", Kind::Scenario),
-    ("gripper_mount", Kind::Robot),
+    ("flange", Kind::Robot),
     ("finger_mass_kg", Kind::Gripper),
     ("truth", Kind::Object),
     ("motion", Kind::Throw),
@@ -160,13 +160,13 @@ fn notes_of_mounts(robot: &Robot) -> Vec<String> {
         let [x, y, z]: [f64; 3] = v.map(|it| (it * 1e3).round() / 1e3 + 0.0).into();
         format!("({x:.3}, {y:.3}, {z:.3})")
     };
-    let note = |name: &str, X_LG: &Pose| {
-        let at = numbers(X_LG.translation.vector);
-        let [closing, approach] = [Vector3::x(), Vector3::y()].map(|it| numbers(X_LG.rotation * it));
-        format!("{name} at {at} m in {link}: approaches along {approach}, its fingers close along {closing}")
+    let note = |name: &str, X_LF: &Pose| {
+        let at = numbers(X_LF.translation.vector);
+        let [closing, approach] = [Vector3::x(), Vector3::y()].map(|it| numbers(X_LF.rotation * it));
+        format!("flange of {name} at {at} m in {link}: approach along {approach}, fingers close along {closing}")
     };
-    let own = robot.X_LG_by_gripper.iter().map(|(name, X_LG)| note(name, X_LG));
-    std::iter::once(note("gripper", &robot.X_LG)).chain(own).collect()
+    let own = robot.X_LF_by_gripper.iter().map(|(name, X_LF)| note(name, X_LF));
+    std::iter::once(note("grippers", &robot.X_LF)).chain(own).collect()
 }
 
 /// Values that nobody published, those with the same reason together.

@@ -142,8 +142,8 @@ impl Robot {
     /// All that a simulator needs. `X_WB` is the pose of the base. Each of `joints` has `name`, `link`,
     /// `X_PL` (pose of its link in the one before while the joint is at zero), `axis` (in the link), `lower`,
     /// `upper`, `torque`, `damping`, `rotor_inertia`, and the link's `mass`, `com` and `inertia` (about it).
-    /// `X_LG` is the pose of the gripper in the last link, and `X_LG_by_gripper` that of grippers, by their
-    /// names, that are mounted in another way. `capsules` are its shape: `link` (0 is the base),
+    /// `X_LF` is the pose of the flange in the last link, and `X_LF_by_gripper` that for grippers, by their
+    /// names, that are mounted in another way; `X_LG` is the gripper's. `capsules` are its shape: `link` (0 is the base),
     /// `from`, `to`, `radius`. `boxes` (`X_WS`, `size`) and `obstacle_capsules` stand around it.
     #[getter]
     fn numbers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -163,7 +163,8 @@ impl Robot {
         let boxes = it.obstacles.iter().filter_map(|it| it.as_cuboid());
         let numbers = json!({
             "name": it.name, "X_WB": rows_of(&it.X_WB), "joints": joints.collect::<Vec<_>>(), "X_LG": rows_of(&it.X_LG),
-            "X_LG_by_gripper": it.X_LG_by_gripper.iter().map(|(name, X)| (name.clone(), json!(rows_of(X)))).collect::<serde_json::Map<_, _>>(),
+            "X_LF": rows_of(&it.X_LF),
+            "X_LF_by_gripper": it.X_LF_by_gripper.iter().map(|(name, X)| (name.clone(), json!(rows_of(X)))).collect::<serde_json::Map<_, _>>(),
             "capsules": it.capsules.iter().map(|(link, of)| capsule(*link, of)).collect::<Vec<_>>(),
             "boxes": boxes.map(|(X_WS, of)| json!({ "X_WS": rows_of(X_WS), "size": of.size.as_slice() })).collect::<Vec<_>>(),
             "obstacle_capsules": it.obstacles.iter().filter_map(|it| it.as_capsule()).map(|of| capsule(0, of)).collect::<Vec<_>>(),

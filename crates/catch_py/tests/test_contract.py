@@ -211,7 +211,7 @@ def test_a_hand_is_mounted_as_the_file_of_its_arm_says():
     X_WG = robot.gripper_pose(robot.ready_q, hand)
     np.testing.assert_allclose(X_WG, setup.robot.gripper_pose(robot.ready_q), atol=1e-12)
     assert np.abs(X_WG - robot.gripper_pose(robot.ready_q)).max() > 0.1
-    assert list(robot.numbers["X_LG_by_gripper"]) == ["franka_hand"]
+    assert list(robot.numbers["X_LF_by_gripper"]) == ["franka_hand"]
 
 
 def test_an_observation_of_another_cell_is_refused(setup):

@@ -55,8 +55,8 @@ def model(gripper_width_m, with_rotor_and_damping):
         body.ipos = numbers(inertial.find("origin").get("xyz"))
         body.inertia = [float(inertia.get(key)) for key in ("ixx", "iyy", "izz")]
         body.explicitinertial = True
-    mount = extra["gripper_mount"]
-    gripper = body.add_body(name="gripper", pos=mount["position_m"], quat=quaternion(mount["rpy_rad"]))
+    flange = body.add_body(name="flange", pos=extra["flange"]["position_m"], quat=quaternion(extra["flange"]["rpy_rad"]))
+    gripper = flange.add_body(name="gripper", pos=[0, hand["body_size_m"][1] / 2, 0])
     x = (gripper_width_m + hand["finger_size_m"][0]) / 2
     boxes = [(hand["body_mass_kg"], hand["body_size_m"], [0, 0, 0])]
     boxes += [(hand["finger_mass_kg"], hand["finger_size_m"], [s * x, hand["finger_centre_y_m"], 0]) for s in (-1, 1)]

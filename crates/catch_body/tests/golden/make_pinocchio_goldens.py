@@ -18,7 +18,7 @@ def states(folder, rng):
     value = lambda it: it["value"] if isinstance(it, dict) else it
     model.armature = np.array([value(extra["joints"][name]["rotor_inertia_kgm2"]) for name in model.names[1:]])
     model.gravity.linear = np.array([0, 0, -9.81])
-    mount = extra["gripper_mount"]
+    mount = extra["flange"]
     X_LG = pinocchio.SE3(pinocchio.rpy.rpyToMatrix(*map(float, mount["rpy_rad"])), np.array(mount["position_m"]))
     frame = model.addFrame(pinocchio.Frame("gripper", model.njoints - 1, 0, X_LG, pinocchio.FrameType.OP_FRAME))
     data = model.createData()

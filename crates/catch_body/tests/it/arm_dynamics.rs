@@ -37,9 +37,13 @@ fn robot() -> Robot {
     .unwrap()
 }
 
+fn gripper() -> Gripper {
+    Gripper::from_toml("gripper", include_str!("../../../../assets/grippers/wsg50.toml")).unwrap()
+}
+
 #[test]
 fn gripper_pose_and_jacobian_agree() {
-    let robot = robot();
+    let robot = robot().with_mount_of(&gripper());
     for case in golden().cases {
         let q = robot.joint_vector(&case.q).unwrap();
         let X_WL = robot.link_poses(&q);
@@ -58,7 +62,7 @@ fn gripper_pose_and_jacobian_agree() {
 
 #[test]
 fn inverse_dynamics_agree() {
-    let gripper = Gripper::from_toml("gripper", include_str!("../../../../assets/grippers/wsg50.toml")).unwrap();
+    let gripper = gripper();
     let Golden { gripper_width_m, cases } = golden();
     assert_eq!(gripper_width_m, gripper.max_width_m / 2.0, "the opening at which `carrying` adds the fingers");
     let with_rotors = robot().carrying(&gripper);

@@ -25,8 +25,8 @@ pub struct Draft {
     pub inertias: Vec<Stated<Inertia>>,
     /// Height of the base above the floor, in metres.
     pub base_height_m: f64,
-    /// Pose of the gripper on the last body.
-    pub X_LG: Stated<Pose>,
+    /// Pose of the flange on the last body.
+    pub X_LF: Stated<Pose>,
     /// Links so near in the chain are not compared.
     pub ignored_neighbours: usize,
     /// Joint positions far from the ends of the ranges.
@@ -213,16 +213,16 @@ impl Draft {
             one_line(&self.source),
             self.base_height_m,
         );
-        let X_LG = &self.X_LG.value;
-        let (roll, pitch, yaw) = X_LG.rotation.euler_angles();
+        let X_LF = &self.X_LF.value;
+        let (roll, pitch, yaw) = X_LF.rotation.euler_angles();
         let _ = write!(
             text,
-            "# Where the gripper is mounted on the last link, at the frame {}: y is the approach, the fingers close along x.\n\
-             [gripper_mount]\nposition_m = {}\nrpy_rad = {}\n{}\n",
+            "# The flange on the last link, at the frame {}: y is the approach of a gripper there, its fingers close along x.\n\
+             [flange]\nposition_m = {}\nrpy_rad = {}\n{}\n",
             one_line(&self.chain.flange),
-            list(X_LG.translation.vector.as_slice()),
+            list(X_LF.translation.vector.as_slice()),
             list(&[roll, pitch, yaw]),
-            mark(self.X_LG.assumed.as_ref()),
+            mark(self.X_LF.assumed.as_ref()),
         );
         let _ = write!(
             text,
