@@ -215,6 +215,7 @@ impl CatchSplines {
 impl MotionPlanner {
     /// Prepares what does not depend on any catch.
     pub fn new(robot: Robot, gripper: Gripper, config: Config) -> Self {
+        let robot = robot.carrying(&gripper);
         // Short first spans take up the acceleration at a replan, short last ones steady the velocity before
         // the catch.
         let catch_splines = CatchSplines::new(&[0.35, 0.65, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], true);
@@ -238,7 +239,7 @@ impl MotionPlanner {
             extents_m,
             finder: PostureFinder::new(&robot),
             clearance: ArmClearance::new(&robot, &gripper),
-            robot: robot.carrying(&gripper),
+            robot,
             gripper,
             config,
             catch_splines,
