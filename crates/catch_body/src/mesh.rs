@@ -272,6 +272,21 @@ mod tests {
     }
 
     #[test]
+    fn a_surface_below_a_capsule_is_as_deep_as_stated_and_closed() {
+        let capsule = Capsule { from: Point3::new(0.1, 0.2, 0.3), to: Point3::new(0.1, 0.5, 0.7), radius: 0.1 };
+        let ring = |i: u32| (0..24).map(|k| f64::from((7 * i + k) % 30)).collect();
+        let depths_mm: Vec<Vec<f64>> = std::iter::once(vec![3.0]).chain((0..20).map(ring)).chain([vec![5.0]]).collect();
+        let mesh = TriangleMesh::below_capsule(&capsule, &depths_mm);
+        for (vertex, depth_mm) in mesh.vertices.iter().zip(depths_mm.concat()) {
+            assert_relative_eq!(capsule.distance_to_point(vertex), -depth_mm * 1e-3, epsilon = 1e-12);
+        }
+        assert!(mesh.is_closed());
+        let none: Vec<Vec<f64>> = depths_mm.iter().map(|it| vec![0.0; it.len()]).collect();
+        let whole = TriangleMesh::capsule(&capsule, 128).volume();
+        assert_relative_eq!(TriangleMesh::below_capsule(&capsule, &none).volume(), whole, max_relative = 0.03);
+    }
+
+    #[test]
     fn a_thicker_solid_is_larger_all_around() {
         let size = Vector3::new(0.1, 0.2, 0.3);
         let cuboid = TriangleMesh::cuboid(&Cuboid { centre: Point3::new(0.3, 0.0, 0.1), size });

@@ -1,6 +1,7 @@
 //! Reads an arm from its URDF and the `robot.toml` beside it. A limit that is missing is an error, never a
 //! guess.
 
+mod capsules;
 mod inertia;
 
 use std::collections::BTreeMap;
@@ -8,23 +9,19 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 
 pub use crate::urdf::ignored_elements;
+use capsules::{CapsuleFields, collision_shapes};
 use inertia::{LinkFields, link_inertia, stated_inertia};
 
 use crate::{
     InputError,
-    mesh::TriangleMesh,
     pose::PoseFields,
-    quantity::{self, Quantity},
+    quantity,
     robot::{Joint, JointLimits, MAX_JOINTS, Robot},
-    shape::Capsule,
     stated::Stated,
     urdf::{self, Element, Urdf},
     velocity_table::VelocityFields,
     visual::Visual,
 };
-
-/// Rings and columns of depths below a capsule at most: finer ones would make cameras slow.
-const MOST_RINGS: usize = 48;
 
 /// Contents of the `robot.toml` beside a `robot.urdf`.
 #[derive(Deserialize)]
@@ -121,32 +118,6 @@ struct CollisionFields {
     capsules: Vec<CapsuleFields>,
 }
 
-/// All points within a radius of a segment.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CapsuleFields {
-    /// Name of the link that the capsule belongs to, in whose frame the points are.
-    link: String,
-    /// First end of the segment.
-    #[serde(deserialize_with = "quantity::offset_m")]
-    from_m: [f64; 3],
-    /// Second end of the segment.
-    #[serde(deserialize_with = "quantity::offset_m")]
-    to_m: [f64; 3],
-    /// Radius.
-    #[serde(deserialize_with = "quantity::radius_m")]
-    radius_m: f64,
-    /// Depth of the link's own surface below the capsule, as cameras see it: rings from the first pole to the
-    /// second, at equal distances along the surface. A pole is one number, each ring between has as many.
-    #[serde(default)]
-    depths_mm: Vec<Vec<f64>>,
-    /// True if nobody published the capsule.
-    #[serde(default)]
-    assumed: bool,
-    /// Reason for the assumption.
-    reason: Option<String>,
-}
-
 /// The text of a robot's two files, with the names by which errors call them.
 #[derive(Debug, Clone, Copy)]
 pub struct RobotFiles<'a> {
@@ -176,34 +147,8 @@ impl Robot {
 
         let link_names: Vec<&str> =
             std::iter::once(base_link.as_str()).chain(joints.iter().map(|it| it.link_name.as_str())).collect();
-        let count = extra.collision.capsules.len();
-        if count > MOST_CAPSULES {
-            let expected = format!("at most {MOST_CAPSULES}");
-            return Err(InputError::new(files.toml_file, "collision.capsules", format!("{count} capsules"), expected));
-        }
-        let (mut capsules, mut faults, mut surfaces) = (Vec::new(), Vec::new(), BTreeMap::<usize, TriangleMesh>::new());
-        for (i, capsule) in extra.collision.capsules.iter().enumerate() {
-            let field = |name: &str| format!("collision.capsules[{i}].{name}");
-            let link = link_names.iter().position(|name| *name == capsule.link).unwrap_or_else(|| {
-                let expected = format!("one of {}", link_names.join(", "));
-                faults.push(InputError::new(files.toml_file, field("link"), &capsule.link, expected));
-                0
-            });
-            let &CapsuleFields { from_m, to_m, radius_m, ref depths_mm, .. } = capsule;
-            let solid = Capsule { from: from_m.into(), to: to_m.into(), radius: radius_m };
-            match checked_depths(files.toml_file, &field("depths_mm"), radius_m, depths_mm) {
-                Err(fault) => faults.push(fault),
-                Ok(()) if depths_mm.is_empty() => {}
-                Ok(()) => {
-                    let surface = TriangleMesh::below_capsule(&solid, depths_mm);
-                    surfaces.entry(link).or_default().merge(&surface);
-                }
-            }
-            capsules.push((link, solid));
-            faults.extend(unreasoned(files, &field(""), capsule.assumed, capsule.reason.as_ref()));
-        }
-        let mut visuals: BTreeMap<usize, Visual> =
-            surfaces.into_iter().map(|(link, it)| (link, Visual::of_surface(it))).collect();
+        let mut faults = Vec::new();
+        let (capsules, mut visuals) = collision_shapes(files, &extra.collision.capsules, &link_names, &mut faults)?;
         visuals.extend(visuals_of_links(files, extra.visuals, &link_names, &mut faults));
         let mut mounted = |field: &str, mount: &FlangeFields| {
             faults.extend(unreasoned(files, field, mount.assumed, mount.reason.as_ref()));
@@ -211,7 +156,8 @@ impl Robot {
         };
         let X_LF = mounted("flange.", &extra.flange);
         let named = extra.flanges.iter();
-        let X_LF_by_gripper = named.map(|(name, it)| (name.clone(), mounted(&format!("flanges.{name}."), it))).collect();
+        let X_LF_by_gripper =
+            named.map(|(name, it)| (name.clone(), mounted(&format!("flanges.{name}."), it))).collect();
 
         let mut robot = Self {
             name: urdf.name.clone(),
@@ -255,28 +201,6 @@ impl Robot {
         }
         Ok(q)
     }
-}
-
-/// Checks the depths of a link's surface below a capsule.
-fn checked_depths(file: &str, field: &str, radius_m: f64, depths_mm: &[Vec<f64>]) -> Result<(), InputError> {
-    let count = depths_mm.len();
-    if count > 0 && !(3..=MOST_RINGS).contains(&count) {
-        return Err(InputError::new(file, field, format!("{count} rings"), format!("3 to {MOST_RINGS}")));
-    }
-    let columns = depths_mm.get(1).map_or(3, Vec::len).clamp(3, MOST_RINGS);
-    for (i, ring) in depths_mm.iter().enumerate() {
-        let expected = if i == 0 || i + 1 == count { 1 } else { columns };
-        if ring.len() != expected {
-            let expected = format!("{expected}: one at a pole, as many in each ring between, 3 to {MOST_RINGS}");
-            return Err(InputError::new(file, format!("{field}[{i}]"), format!("{} numbers", ring.len()), expected));
-        }
-        // A depth of the whole radius would make triangles without area.
-        let within = Quantity { least: 0.0, most: radius_m * 1e3 - 0.1, unit: "mm" };
-        for (k, depth_mm) in ring.iter().enumerate() {
-            within.check(file, format!("{field}[{i}][{k}]"), *depth_mm)?;
-        }
-    }
-    Ok(())
 }
 
 /// Visual shapes by the numbers of their links.
@@ -578,10 +502,18 @@ pub(crate) mod tests {
         for (from, to, expected) in [
             ("[base]\nposition_m = [", "[base]\nposition_m = [-500.0, ", "base.position_m"),
             (
-                "[flange]\nposition_m = [0.0, ",
-                "[flange]\nposition_m = [nan, ",
-                "flange.position_m[0]",
+                "[[collision.capsules]]",
+                "[[collision.capsules]]\nlink = \"iiwa_link_1\"\nfrom_m = [0, 0, 0]\nto_m = [0, 0, 1]\nradius_m = 0.1\n\
+                 depths_mm = [[0], [1, 2, 120], [0]]\n\n[[collision.capsules]]",
+                "collision.capsules[0].depths_mm[1][2]: found 120, expected 0 to 99.9 mm",
             ),
+            (
+                "[[collision.capsules]]",
+                "[[collision.capsules]]\nlink = \"iiwa_link_1\"\nfrom_m = [0, 0, 0]\nto_m = [0, 0, 1]\nradius_m = 0.1\n\
+                 depths_mm = [[0], [1, 2, 3], [0, 0]]\n\n[[collision.capsules]]",
+                "collision.capsules[0].depths_mm[2]: found 2 numbers, expected 1: one at a pole",
+            ),
+            ("[flange]\nposition_m = [0.0, ", "[flange]\nposition_m = [nan, ", "flange.position_m[0]"),
             ("radius_m = 0.0", "radius_m = 9.0", "collision.capsules[1].radius_m"),
         ] {
             assert!(TOML.contains(from), "{from}");

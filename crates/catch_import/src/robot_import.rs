@@ -331,14 +331,14 @@ fn lighten(draft: &mut Draft, robot: &Robot, gripper: &Gripper) -> bool {
 /// Pose of the flange: its frame in the description, or in front of the last link's shape where there is
 /// none.
 fn flange(chain: &Chain, shapes: &[BodyShape]) -> Stated<catch_body::Pose> {
-    let X_LF = chain.X_LF * chain.X_FG();
+    let X_LG = chain.X_LF * chain.X_FG();
     if chain.has_flange {
-        return Stated { value: X_LF, assumed: None };
+        return Stated { value: X_LG, assumed: None };
     }
-    let approach_L = X_LF.rotation * nalgebra::Vector3::y();
+    let approach_L = X_LG.rotation * nalgebra::Vector3::y();
     let from_m = approach_L.dot(&chain.X_LF.translation.vector);
     let beyond_m = shapes.last().and_then(|it| it.reach(&approach_L)).map_or(0.0, |reach| (reach - from_m).max(0.0));
-    let value = Translation3::from(approach_L * beyond_m) * X_LF;
+    let value = Translation3::from(approach_L * beyond_m) * X_LG;
     let reason =
         "the description has no frame for a gripper: where the shape of the last link ends along its joint's axis";
     Stated { value, assumed: Some(reason.into()) }

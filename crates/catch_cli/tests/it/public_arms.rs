@@ -3,11 +3,7 @@
 
 use std::{env, fmt::Write, fs, path::Path};
 
-use catch_body::{
-    Pose, Robot, TriangleMesh,
-    ray_cast::RayCaster,
-    shape::Capsule,
-};
+use catch_body::{Pose, Robot, TriangleMesh, ray_cast::RayCaster, shape::Capsule};
 use catch_lab::scenario::setup::{Choice, Setup};
 use nalgebra::Point3;
 
@@ -22,9 +18,9 @@ const MOST_OFF_MM: [f64; 2] = [3.0, 8.0];
 /// Points of a link that are compared.
 const POINTS: usize = 2_000;
 /// Distance between rings of depths in metres, as long as there are no more than a file may have.
-const SPACING_M: f64 = 0.010;
+const SPACING_M: f64 = 0.011;
 /// Columns of depths around a capsule.
-const COLUMNS: usize = 32;
+const COLUMNS: usize = 24;
 
 /// An arm and, by link, what its maker publishes of it: the pose of the maker's frame, capsules, the mesh.
 struct Pair {
@@ -45,7 +41,7 @@ impl Pair {
         let output = catchingbot(&["robot", "import", urdf.to_str().unwrap(), "--out", &out, "--no-ready"]);
         assert!(output.status.success(), "{}", stderr(&output));
         let [theirs, ours] = [&out, name].map(|it| robot(it).robot);
-        // The same rotations of all joints move both; only the frames of links differ, and where a base faces.
+        // The same rotations of all joints move both; frames of links differ, and where a base faces.
         let frames = |robot: &Robot, q: f64| robot.link_poses(&robot.joint_vector(&vec![q; robot.dof()]).unwrap());
         let half_turn = Pose::rotation(nalgebra::Vector3::z() * std::f64::consts::PI);
         let found = [Pose::identity(), half_turn].into_iter().find_map(|X_WT| {
@@ -97,7 +93,7 @@ impl Pair {
 /// Depths of a mesh below a capsule in whole millimetres.
 fn depths_mm(capsule: &Capsule, mesh: &RayCaster) -> Vec<Vec<u32>> {
     let way = (capsule.to - capsule.from).norm() + std::f64::consts::PI * capsule.radius;
-    let rings = ((way / SPACING_M).ceil() as usize).clamp(12, 47);
+    let rings = ((way / SPACING_M).ceil() as usize).clamp(24, 47);
     let most = capsule.radius * 1e3 - 1.0;
     let X_LC = capsule.frame();
     let depth = |i: usize, k: usize| {
@@ -154,7 +150,8 @@ fn to_triangle(p: &Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> f64 {
     if side(a, ab) >= 0.0 && side(b, bc) >= 0.0 && side(c, -ac) >= 0.0 && normal.norm_squared() > 0.0 {
         return (p - a).dot(&normal.normalize()).abs();
     }
-    let edge = |from: &Point3<f64>, to: &Point3<f64>| Capsule { from: *from, to: *to, radius: 0.0 }.distance_to_point(p);
+    let edge =
+        |from: &Point3<f64>, to: &Point3<f64>| Capsule { from: *from, to: *to, radius: 0.0 }.distance_to_point(p);
     edge(a, b).min(edge(b, c)).min(edge(c, a))
 }
 

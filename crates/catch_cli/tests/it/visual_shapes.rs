@@ -38,7 +38,7 @@ fn meshes_are_kept_and_seen() {
     let folder = tempfile::tempdir().unwrap();
     let out = imported(folder.path());
     let check = stdout(&catchingbot(&["check", &out]));
-    assert!(check.contains("cameras see the meshes of 7 links, up to 5.0 mm outside of their capsules ("), "{check}");
+    assert!(check.contains("cameras see the meshes of 7 links, inside their capsules, "), "{check}");
     let toml = fs::read_to_string(Path::new(&out).join("robot.toml")).unwrap();
     assert!(toml.contains("source = \"arm.urdf: package://arm_support/meshes/cover.obj: the outside, "), "{toml}");
 

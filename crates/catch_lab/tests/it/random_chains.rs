@@ -83,7 +83,7 @@ fn random_files(rng: &mut Pcg64) -> [String; 2] {
     }
     let toml = format!(
         "base = {{ position_m = [0.0, 0.0, 0.0], rpy_rad = [0.0, 0.0, 0.0] }}\n\
-         flange = {{ position_m = [0.0, 0.05, 0.0], rpy_rad = [0.3, 0.0, 0.0] }}\n\
+         flange = {{ position_m = [0.0, 0.01, 0.0], rpy_rad = [0.3, 0.0, 0.0] }}\n\
          poses = {{ comfortable_rad = {poses:?}, ready_rad = {poses:?} }}\n\
          collision = {{ ignored_neighbours = 2, capsules = [] }}\n{joints}"
     );
