@@ -63,10 +63,8 @@ fn a_near_camera_finds_its_place_or_says_that_it_does_not() {
 
     // Capsules around the links are not what cameras see.
     let unaware = Robot { visuals: Default::default(), ..setup.robot.clone() };
-    for wrong in [unaware, setup.robot.clone().with_thicker_links(|_| 0.02)] {
-        let wrong = calibrate(&config, &wrong, &setup.gripper, &guesses, &session);
-        assert_ne!(wrong.cameras[0].status, CalibrationStatus::Converged, "{wrong:?}");
-    }
+    let wrong = calibrate(&config, &unaware, &setup.gripper, &guesses, &session);
+    assert_ne!(wrong.cameras[0].status, CalibrationStatus::Converged, "{wrong:?}");
 
     session.images.clear();
     let blind = calibrate(&config, &setup.robot, &setup.gripper, &guesses, &session);

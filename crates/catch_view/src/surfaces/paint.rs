@@ -5,13 +5,9 @@ pub type Colour = [f64; 3];
 
 /// Housings of links.
 pub const SHELL: Colour = [0.90, 0.90, 0.89];
-/// Covers over the axles of joints.
-pub const COVER: Colour = [0.33, 0.37, 0.42];
-/// Rings where two links meet.
-pub const RING: Colour = [0.93, 0.47, 0.13];
-/// Flanges, rails and fingers.
+/// Rails and fingers.
 pub const METAL: Colour = [0.64, 0.65, 0.66];
-/// A gripper's housing, and the plate on which an arm stands.
+/// A gripper's housing.
 pub const DARK: Colour = [0.24, 0.27, 0.31];
 /// Pads on fingers.
 pub const RUBBER: Colour = [0.13, 0.14, 0.16];

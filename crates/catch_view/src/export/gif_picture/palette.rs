@@ -1,7 +1,7 @@
 //! The colours of the picture.
 
 pub use crate::surfaces::paint::Colour;
-use crate::surfaces::paint::{BALL, OBJECT, RING, TIP, grey};
+use crate::surfaces::paint::{BALL, OBJECT, TIP, grey};
 
 /// The index that stands for "as it was".
 pub const TRANSPARENT: u8 = 0;
@@ -38,7 +38,7 @@ impl Palette {
                 [0, 1, 2].map(|c| other[c] + (colour[c] - other[c]) * fraction)
             })
         };
-        for (colour, shades) in [(OBJECT, SHADES), (BALL, SHADES), (RING, SHADES / 2), (TIP, SHADES / 2)] {
+        for (colour, shades) in [(OBJECT, SHADES), (BALL, SHADES), (TIP, SHADES / 2)] {
             colours.extend(toward(colour.map(|value| value * 1.05), colour.map(|value| value * 0.3), shades));
         }
         for colour in [TRUE, PREDICTED] {
