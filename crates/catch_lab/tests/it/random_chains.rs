@@ -83,7 +83,7 @@ fn random_files(rng: &mut Pcg64) -> [String; 2] {
     }
     let toml = format!(
         "base = {{ position_m = [0.0, 0.0, 0.0], rpy_rad = [0.0, 0.0, 0.0] }}\n\
-         flange = {{ position_m = [0.0, 0.01, 0.0], rpy_rad = [0.3, 0.0, 0.0] }}\n\
+         flange = {{ position_m = [0.0, 0.05, 0.0], rpy_rad = [0.3, 0.0, 0.0] }}\n\
          poses = {{ comfortable_rad = {poses:?}, ready_rad = {poses:?} }}\n\
          collision = {{ ignored_neighbours = 2, capsules = [] }}\n{joints}"
     );
@@ -105,7 +105,7 @@ fn plans(robot: &Robot, gripper: &Gripper, rng: &mut Pcg64) -> Result<usize, Str
     for _ in 0..CATCHES {
         let q = within(rng, &robot.ready_q, 0.4);
         let start = Start { time_s: 0.0, state: Setpoint::at_rest(q) };
-        let X_WG = robot.gripper_pose(&within(rng, &q, 0.1));
+        let X_WG = carrying.gripper_pose(&within(rng, &q, 0.1));
         let v_WO = Vector3::from_fn(|_, _| rng.random_range(-4.0..4.0));
         let target = Target { catch_s: rng.random_range(0.2..1.5), X_WG, v_WO };
         if let Ok(plan) = planner.catch_at(&start, &target) {
