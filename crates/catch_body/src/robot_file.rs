@@ -14,7 +14,7 @@ use crate::{
     InputError,
     pose::PoseFields,
     quantity,
-    robot::{Joint, JointLimits, MAX_JOINTS, Robot},
+    robot::{ContactStop, Joint, JointLimits, MAX_JOINTS, Robot},
     shape::Capsule,
     stated::Stated,
     urdf::{self, Element, Urdf},
@@ -36,6 +36,8 @@ struct RobotFile {
     /// Speed at which the maker's controller stops, of the flange and of the tool.
     #[serde(default, deserialize_with = "quantity::hand_speed_mps")]
     max_hand_speed_mps: Option<f64>,
+    /// Contact at the hand at which it stops; at a joint it is the torque of the motor.
+    contact_stop: Option<ContactStop>,
     /// Joint positions in which the arm waits, and in which it is comfortable.
     poses: PosesFields,
     /// Properties of each joint that the URDF cannot state, by the joint's name.
@@ -202,6 +204,7 @@ impl Robot {
             X_LG_by_gripper,
             tool_G: nalgebra::Point3::origin(),
             max_hand_speed_mps: extra.max_hand_speed_mps,
+            contact_stop: extra.contact_stop,
             joints,
             comfortable_q: nalgebra::zero(),
             ready_q: nalgebra::zero(),
