@@ -165,6 +165,11 @@ impl Robot {
         self.joints.len()
     }
 
+    /// Returns whether the joints are too few to bring the hand to every pose.
+    pub fn has_few_joints(&self) -> bool {
+        self.dof() < 6
+    }
+
     /// The arm's length in metres: from its second joint to the gripper, link by link.
     pub fn length_m(&self) -> f64 {
         let links = self.joints.iter().skip(2).map(|joint| joint.X_PL.translation.vector.norm());
