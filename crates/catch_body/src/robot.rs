@@ -72,6 +72,18 @@ impl Default for LimitScale {
     }
 }
 
+/// Contact at the hand at which the maker's controller stops; at a joint it is the torque of the motor.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ContactStop {
+    /// Force of the contact, along any axis of the base.
+    #[serde(deserialize_with = "quantity::force_n")]
+    pub force_n: f64,
+    /// Moment of the contact about the origin of the gripper, about any axis of the base.
+    #[serde(deserialize_with = "quantity::torque_nm")]
+    pub moment_nm: f64,
+}
+
 /// A revolute joint and the link that it moves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
@@ -132,6 +144,8 @@ pub struct Robot {
     pub tool_G: Point3<f64>,
     /// Speed of the hand in m/s at which the maker's controller stops, where one is stated.
     pub max_hand_speed_mps: Option<f64>,
+    /// Contact at which it stops, where one is stated.
+    pub contact_stop: Option<ContactStop>,
     /// The paper's comfortable pose q0 (III-D).
     pub comfortable_q: JointVector,
     /// Joint positions in which the arm waits unless others are given.
@@ -151,6 +165,11 @@ impl Robot {
     /// Number of joints.
     pub fn dof(&self) -> usize {
         self.joints.len()
+    }
+
+    /// Returns whether the joints are too few to bring the hand to every pose.
+    pub fn has_few_joints(&self) -> bool {
+        self.dof() < 6
     }
 
     /// The arm's length in metres: from its second joint to the gripper, link by link.

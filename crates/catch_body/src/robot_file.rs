@@ -16,7 +16,7 @@ use crate::{
     InputError,
     pose::PoseFields,
     quantity,
-    robot::{Joint, JointLimits, MAX_JOINTS, Robot},
+    robot::{ContactStop, Joint, JointLimits, MAX_JOINTS, Robot},
     stated::Stated,
     urdf::{self, Element, Urdf},
     velocity_table::VelocityFields,
@@ -37,6 +37,8 @@ struct RobotFile {
     /// Speed at which the maker's controller stops, of the flange and of the tool.
     #[serde(default, deserialize_with = "quantity::hand_speed_mps")]
     max_hand_speed_mps: Option<f64>,
+    /// Contact at the hand at which it stops; at a joint it is the torque of the motor.
+    contact_stop: Option<ContactStop>,
     /// Joint positions in which the arm waits, and in which it is comfortable.
     poses: PosesFields,
     /// Properties of each joint that the URDF cannot state, by the joint's name.
@@ -168,6 +170,7 @@ impl Robot {
             X_LG: X_LF,
             tool_G: nalgebra::Point3::origin(),
             max_hand_speed_mps: extra.max_hand_speed_mps,
+            contact_stop: extra.contact_stop,
             joints,
             comfortable_q: nalgebra::zero(),
             ready_q: nalgebra::zero(),

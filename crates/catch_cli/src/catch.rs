@@ -249,5 +249,10 @@ fn limits(verdict: &Verdict) -> io::Result<()> {
         1 => "1 limit exceeded".to_owned(),
         count => format!("{count} limits exceeded"),
     };
-    screen::fact("impact included", &format!("{exceeded} by the motion; {after} asked"))
+    screen::fact("impact included", &format!("{exceeded} by the motion; {after} asked"))?;
+    let Some(ratio) = measures.contact_stop_ratio else { return Ok(()) };
+    let part = measures.contact_stop_joint.map_or("the hand".to_owned(), |joint| format!("joint {joint}"));
+    let would =
+        if ratio > 1.0 { format!("{BAD}would have stopped{BAD:#}") } else { "would not have stopped".to_owned() };
+    screen::fact("its controller", &format!("{would}: a contact of {} of its threshold at {part}", percent(ratio)))
 }

@@ -96,8 +96,6 @@ const CHOSEN_FOR: u64 = 12;
 const TRIED_ON: u64 = 50;
 /// Shapes that could not be read, of which each is told.
 const MOST_FAULTS: usize = 3;
-/// Number of joints that bring a hand to every pose.
-const FREE_JOINTS: usize = 6;
 /// Poses from which the search may begin.
 const STARTS: usize = 30;
 
@@ -252,8 +250,9 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
     }
     let arm = format!("{}: {} joints from {} to {}", robot.name, robot.dof(), chain.base.links[0], chain.flange);
     screen::fact("arm", &arm)?;
-    if robot.dof() < FREE_JOINTS {
-        let few = format!("{}: a hand cannot take every pose, so that few throws are within reach", robot.dof());
+    if robot.has_few_joints() {
+        let few =
+            format!("{}: balls are caught with the hand turned as it can be, few throws of other objects", robot.dof());
         screen::fact("few joints", &few)?;
     }
     if let Some(reason) = reason {

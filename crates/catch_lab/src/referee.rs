@@ -324,6 +324,8 @@ impl<'a> Evidence<'a> {
             peak_contact_impulse_ns: impulses.fold(0.0, f64::max),
             catch_impulse_ns: impact.map(|it| it.impulse_ns),
             catch_joint_impulse_nms: impact.map(|it| it.joint_impulse_nms),
+            contact_stop_ratio: impact.and_then(|it| Some(it.stop?.ratio)),
+            contact_stop_joint: impact.and_then(|it| it.stop?.joint),
             peak_velocity_ratio: servo.peak_velocity_ratio,
             peak_acceleration_ratio: servo.peak_acceleration_ratio,
             peak_torque_ratio: servo.peak_torque_ratio,

@@ -11,7 +11,7 @@ pub mod setpoint;
 use std::sync::Arc;
 
 use anyhow::Context;
-use catch_body::Robot as Arm;
+use catch_body::{Robot as Arm, robot::ContactStop};
 use catch_driver::{
     clock::Clock,
     control::Control,
@@ -23,18 +23,17 @@ use catch_driver::{
 use catch_recording::drive_job::DriveJob;
 use franka::{FrankaResult, RealtimeConfig, Robot};
 
-/// Force and torque at the hand above which the robot stops, in N and N·m.
-const MOST_CONTACT: [f64; 6] = [100.0, 100.0, 100.0, 30.0, 30.0, 30.0];
-
-/// Raises the thresholds above which the robot takes a contact for a collision, and stops: at the joints to
-/// what the motors can give. An object of 0.1 kg that loses 3 m/s within 5 ms pushes with 60 N, at half a metre
-/// from a joint with 30 N·m. libfranka's examples set 20 N·m.
+/// Sets the thresholds above which the robot takes a contact for a collision, and stops, to those that
+/// `robot.toml` states; without any the robot keeps its own. At the joints it is what the motors can give. An
+/// object of 0.1 kg that loses 3 m/s within 5 ms pushes with 60 N, at half a metre from a joint with 30 N·m.
 ///
 /// # Errors
 /// If the robot does not take them.
 pub fn allow_contact(robot: &Robot, arm: &Arm) -> FrankaResult<()> {
+    let Some(ContactStop { force_n, moment_nm }) = arm.contact_stop else { return Ok(()) };
     let most_torque = std::array::from_fn(|i| arm.joints.get(i).map_or(0.0, |it| it.limits.torque));
-    robot.set_collision_behavior_simple(most_torque, most_torque, MOST_CONTACT, MOST_CONTACT)
+    let most_at_hand = [force_n, force_n, force_n, moment_nm, moment_nm, moment_nm];
+    robot.set_collision_behavior_simple(most_torque, most_torque, most_at_hand, most_at_hand)
 }
 
 /// The driver.

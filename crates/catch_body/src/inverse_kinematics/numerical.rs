@@ -11,6 +11,8 @@ const LENGTH_M: f64 = 0.3;
 const STEPS: usize = 14;
 /// An error of this size, in metres and radians, is none.
 const TOLERANCE: f64 = 1e-10;
+/// Error of the position that counts as none where the orientation is free, in metres.
+const TURNED_TOLERANCE_M: f64 = 1e-5;
 /// Starts besides the first.
 const STARTS: usize = 10;
 /// Length of a step along the redundancy in radians, and the most steps each way.
@@ -33,6 +35,33 @@ impl Robot {
     /// kinematics, 2011). A joint that a step would push out of its range stays at its end and leaves the
     /// rest to the others.
     pub fn nearby_solution(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Option<JointVector> {
+        self.solution_near(X_WG, None, from, ranges)
+    }
+
+    /// Joint positions within `ranges`, near `from` and near their middle, that put a point of the gripper,
+    /// `p_G` in G, where it is at `X_WG`, with the gripper turned toward `X_WG` as far as they can: for arms
+    /// whose joints are too few for every pose.
+    pub fn turned_solutions(
+        &self,
+        X_WG: &Pose,
+        p_G: &Point3<f64>,
+        from: &JointVector,
+        ranges: &Ranges,
+    ) -> Vec<JointVector> {
+        self.from_two_starts(from, ranges, |start| self.solution_near(X_WG, Some(p_G), start, ranges))
+    }
+
+    /// The iteration of [`nearby_solution`](Self::nearby_solution). Where the gripper may turn about a point,
+    /// errors of the orientation count less with every step: in the end the position is exact.
+    fn solution_near(
+        &self,
+        X_WG: &Pose,
+        about_G: Option<&Point3<f64>>,
+        from: &JointVector,
+        ranges: &Ranges,
+    ) -> Option<JointVector> {
+        let (p_G, may_turn) = (about_G.copied().unwrap_or_default(), about_G.is_some());
+        let mut length_m = LENGTH_M;
         let mut q = JointVector::from_fn(|i, _| from[i].clamp(ranges[i][0], ranges[i][1].max(ranges[i][0])));
         let mut before = f64::INFINITY;
         for step in 0..STEPS {
@@ -40,21 +69,27 @@ impl Robot {
             let X_now = self.gripper_in(&X_WL);
             let mut error = Vector6::zeros();
             let turn = (X_WG.rotation * X_now.rotation.inverse()).scaled_axis();
-            error.fixed_rows_mut::<3>(0).copy_from(&(turn * LENGTH_M));
-            error.fixed_rows_mut::<3>(3).copy_from(&(X_WG.translation.vector - X_now.translation.vector));
+            error.fixed_rows_mut::<3>(0).copy_from(&(turn * length_m));
+            error.fixed_rows_mut::<3>(3).copy_from(&(X_WG * p_G - X_now * p_G));
             let size = error.norm();
             if size < TOLERANCE {
                 return Some(q);
             }
+            if may_turn && step + 1 == STEPS {
+                return (error.fixed_rows::<3>(3).norm() < TURNED_TOLERANCE_M).then_some(q);
+            }
             // An error that has not halved in a few steps is stuck at the ends of the ranges.
-            if step % 4 == 3 {
+            if step % 4 == 3 && !may_turn {
                 if size > before / 2.0 {
                     return None;
                 }
                 before = size;
             }
-            let mut J = self.jacobian(&X_WL, &Point3::from(X_now.translation.vector));
-            J.fixed_rows_mut::<3>(0).scale_mut(LENGTH_M);
+            let mut J = self.jacobian(&X_WL, &(X_now * p_G));
+            J.fixed_rows_mut::<3>(0).scale_mut(length_m);
+            if may_turn {
+                length_m /= 2.0;
+            }
             let mut delta = JointVector::zeros();
             let mut free = [true; MAX_JOINTS];
             // Joints at their ends are taken out once; a second round would seldom change anything.
@@ -79,6 +114,16 @@ impl Robot {
     /// Joint positions within `ranges` that put the gripper at `X_WG`, at most two: near `from` and near the
     /// middle of the ranges.
     pub fn first_solutions_within(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<JointVector> {
+        self.from_two_starts(from, ranges, |start| self.nearby_solution(X_WG, start, ranges))
+    }
+
+    /// Solutions of an iteration from two starts, at most two.
+    fn from_two_starts(
+        &self,
+        from: &JointVector,
+        ranges: &Ranges,
+        solve: impl Fn(&JointVector) -> Option<JointVector>,
+    ) -> Vec<JointVector> {
         if (0..self.dof()).any(|i| ranges[i][0] > ranges[i][1]) {
             return Vec::new();
         }
@@ -86,7 +131,7 @@ impl Robot {
         // Of an arm that stands still the ranges lie about where it is.
         let starts = [Some(*from), ((middle - from).amax() > NEARBY_RAD).then_some(middle)];
         let mut found: Vec<JointVector> = Vec::with_capacity(starts.len());
-        for q in starts.iter().flatten().filter_map(|start| self.nearby_solution(X_WG, start, ranges)) {
+        for q in starts.iter().flatten().filter_map(solve) {
             if found.iter().all(|known| (known - q).amax() >= SAME_RAD) {
                 found.push(q);
             }
@@ -192,5 +237,36 @@ impl NullSpace {
         let mut all: Vec<JointVector> = (0..self.dof).map(|i| self.project(&JointVector::ith(i, 1.0))).collect();
         all.sort_by(|a, b| b.norm().total_cmp(&a.norm()));
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot_file::tests::iiwa;
+    use nalgebra::{UnitQuaternion, Vector3};
+
+    /// Five joints hold a point where it is asked for, and mostly turn the hand no farther than they must.
+    #[test]
+    fn a_hand_turns_about_a_point() {
+        let mut robot = iiwa();
+        robot.joints.truncate(5);
+        let ranges =
+            std::array::from_fn(|i| robot.joints.get(i).map_or([0.0; 2], |it| [it.limits.lower, it.limits.upper]));
+        let p_G = Point3::new(0.01, 0.09, 0.0);
+        let mut least_turned = 0;
+        for sample in 0..200 {
+            let unit = |i: usize| (0.5 + f64::from(sample) * libm::sqrt([2.0, 3.0, 5.0, 7.0, 11.0][i])).fract() - 0.5;
+            let q = JointVector::from_fn(|i, _| if i < 5 { 1.6 * ranges[i][1] * unit(i) } else { 0.0 });
+            let turn = UnitQuaternion::from_scaled_axis(Vector3::from_fn(|i, _| 0.6 * unit(4 - i)));
+            let X_WG = robot.gripper_pose(&q);
+            let turned = X_WG.rotation * turn;
+            let wanted = Pose::from_parts((X_WG * p_G - turned * p_G).into(), turned);
+            let found = robot.turned_solutions(&wanted, &p_G, &q.add_scalar(0.05), &ranges);
+            let X_now = found.first().map(|found| robot.gripper_pose(found));
+            assert!(X_now.is_none_or(|it| (it * p_G - wanted * p_G).norm() < 1e-5));
+            least_turned += usize::from(X_now.is_some_and(|it| it.rotation.angle_to(&turned) < turn.angle() + 1e-3));
+        }
+        assert!(least_turned > 180, "{least_turned} of 200");
     }
 }

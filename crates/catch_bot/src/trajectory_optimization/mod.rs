@@ -30,10 +30,12 @@ use std::sync::Arc;
 
 use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance, quantity, shape::Cuboid};
 use catch_cell::{BSpline, Setpoint};
+use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     grasp_selection::{self, Approach, Grasp, GraspSet},
+    perception::Symmetry,
     trajectory_prediction::FlightTrajectory,
 };
 use failure_counter::FailureCounter;
@@ -295,6 +297,13 @@ pub struct CatchSearch {
 }
 
 impl CatchSearch {
+    /// The object's centre in G where the hand may turn about it as the arm can: a ball looks the same from
+    /// everywhere, and an arm of few joints cannot take every pose.
+    pub(super) fn pivot_G(&self, incoming: &Incoming, grasp: &Grasp) -> Option<Point3<f64>> {
+        let turns = self.motion.robot.has_few_joints() && incoming.grasps.symmetry == Symmetry::Sphere;
+        turns.then(|| grasp.X_OG.inverse_transform_point(&Point3::origin()))
+    }
+
     /// Creates the search over the motions that the planner can generate. With a map of the poses that the
     /// arm can reach from its ready pose, hopeless times and grasps cost next to nothing; arms of [some
     /// kinds](ReachMap::serves) need it to be quick.

@@ -177,9 +177,16 @@ impl CatchSearch {
     /// The plan's grasp where the object passes, with the gripper at `X_WG`, the elbow moved by the first of
     /// these angles that will do.
     fn adjusted(&self, to: &Correction, X_WG: &Pose, scaling: LimitScaling, elbows_rad: &[f64]) -> Option<CatchPlan> {
-        let known = Posture { q: to.plan.q, elbow: to.plan.elbow };
+        let (known, motion, start) = (Posture { q: to.plan.q, elbow: to.plan.elbow }, &self.motion, to.start);
+        if let Some(p_GO) = self.pivot_G(to.incoming, &to.grasp) {
+            let joints = motion.reaches(start, to.local_flight.time_s - start.time_s, scaling);
+            let ranges = motion.ranges(&joints, &start.state.q);
+            let found = motion.robot.turned_solutions(X_WG, &p_GO, &known.q, &ranges);
+            let q = found.into_iter().next()?;
+            return self.at_posture(to, &motion.robot.gripper_pose(&q), scaling, Posture { q, elbow: None });
+        }
         elbows_rad.iter().find_map(|offset| {
-            let posture = self.motion.finder.adjusted(&self.motion.robot, X_WG, &known, *offset)?;
+            let posture = motion.finder.adjusted(&motion.robot, X_WG, &known, *offset)?;
             self.at_posture(to, X_WG, scaling, posture)
         })
     }

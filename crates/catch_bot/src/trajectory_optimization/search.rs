@@ -10,6 +10,9 @@
 //! left out, and the others enter with the reachability margin that it estimates, until postures tell the
 //! true one.
 //!
+//! An arm of fewer than six joints cannot take every pose. A hand that holds a ball may turn about its
+//! centre: from each ranked grasp of a ball such an arm comes to one of its own, which is ranked anew.
+//!
 //! The search is weighted, not admissible: failures of a grasp add a penalty to its catches at all times, and
 //! the map's estimate may be too high, by 0.1 to 0.3; either may put a better catch last. What is found
 //! nowhere is sought again at times in between. Then, in a second round, nothing is left out for the map's

@@ -79,6 +79,8 @@ const COLUMNS: &[(&str, Kind)] = &[
     ("peak_contact_impulse_ns", Kind::Number),
     ("catch_impulse_ns", Kind::Number),
     ("catch_joint_impulse_nms", Kind::Number),
+    ("contact_stop_ratio", Kind::Number),
+    ("contact_stop_joint", Kind::Count),
     ("peak_velocity_ratio", Kind::Number),
     ("peak_acceleration_ratio", Kind::Number),
     ("peak_torque_ratio", Kind::Number),

@@ -41,8 +41,8 @@ pub struct Flight {
     pub errors_m: Vec<f64>,
     /// Negative logarithm of its probability density, but for a constant.
     pub deviance: f64,
-    /// Squares of the noise densities that the disturbances of this flight have: of the acceleration and of
-    /// the angular acceleration.
+    /// Squares of the noise densities that the disturbances of this flight have: of the acceleration, beyond
+    /// those of its Magnus force, and of the angular acceleration.
     pub disturbances: (f64, f64),
     /// Iterations of the fit.
     pub iterations: usize,

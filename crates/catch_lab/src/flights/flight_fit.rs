@@ -222,6 +222,7 @@ impl Problem<'_> {
             + position * libm::log(scales.noise.position_sd_m)
             + turned * libm::log(scales.noise.orientation_sd_rad)
             + 3.0 * self.ends_s.len() as f64 * disturbances;
+        let (squares, angular) = self.disturbances(guess, &covariance);
         let pushes = (0..self.ends_s.len()).map(|i| guess.rest.fixed_rows::<3>(z + size * i).into_owned()).collect();
         let flight = Flight {
             start_s: self.rows[0].time_s,
@@ -233,7 +234,7 @@ impl Problem<'_> {
             oriented: self.oriented,
             pushes,
             deviance,
-            disturbances: self.disturbances(guess, &covariance),
+            disturbances: ((squares - self.varying_lift(guess).powi(2)).max(0.0), angular),
             states: self.rows.iter().map(|it| it.time_s).zip(self.states(&body, guess)).collect(),
             errors_m: errors.iter().map(|it| it.0).collect(),
             body,

@@ -181,7 +181,7 @@ impl FlightPrior {
             let least_noise = Noise { position_sd_m: 1e-4, ..prior.least_noise };
             Self { acceleration_noise, systematic_sd_m: 5e-4, least_noise, ..prior }
         };
-        [[0.03, 0.01], [0.2, 0.01], [1.5, 0.01], [0.1, 0.5]].map(of).to_vec()
+        [[0.03, 0.004], [0.2, 0.004], [1.5, 0.004], [0.1, 0.5]].map(of).to_vec()
     }
 
     /// Reads what was learned of an object.

@@ -251,11 +251,14 @@ impl<'a> Problem<'a> {
         Guess { start: guess.start.moved(&change), rest }
     }
 
-    /// The scales that the prior expects, with that noise of the sightings. A Magnus force varies with the
-    /// speed and the spin, which decays.
+    /// Density of the disturbances by a Magnus force: it varies with the speed and the spin, which decays.
+    pub fn varying_lift(&self, guess: &Guess) -> f64 {
+        VARYING_LIFT * self.body(guess).lift.cross(&guess.start.v).norm()
+    }
+
+    /// The scales that the prior expects, with that noise of the sightings.
     pub fn expected_scales(&self, guess: &Guess, noise: Noise) -> Scales {
-        let lift = self.body(guess).lift.cross(&guess.start.v).norm();
-        let acceleration_noise = libm::hypot(self.prior.acceleration_noise, VARYING_LIFT * lift);
+        let acceleration_noise = libm::hypot(self.prior.acceleration_noise, self.varying_lift(guess));
         Scales { noise, acceleration_noise, angular_acceleration_noise: self.prior.angular_acceleration_noise }
     }
 

@@ -22,6 +22,7 @@ use catch_body::{
     shape::Capsule,
     workcell::FLOOR_Z_M,
 };
+use catch_bot::perception::Symmetry;
 use catch_sim::FreeFlight;
 use nalgebra::{Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -71,6 +72,8 @@ enum Kinematics {
     Srs(SrsArm),
     ParallelAxes(ParallelAxesArm),
     Numerical,
+    /// By iteration, the hand turned about a ball as the arm can turn it.
+    Turned,
 }
 
 impl<'a> Oracle<'a> {
@@ -80,6 +83,7 @@ impl<'a> Oracle<'a> {
         let kinematics = match (SrsArm::of(robot), ParallelAxesArm::of(robot)) {
             (Some(arm), _) => Kinematics::Srs(arm),
             (None, Some(arm)) => Kinematics::ParallelAxes(arm),
+            _ if robot.has_few_joints() && setup.known().reference().symmetry == Symmetry::Sphere => Kinematics::Turned,
             (None, None) => Kinematics::Numerical,
         };
         let links_m = robot.per_joint(|joint| joint.X_PL.translation.vector.norm()).sum();
@@ -132,6 +136,10 @@ impl<'a> Oracle<'a> {
             match &self.kinematics {
                 Kinematics::Srs(arm) => swivelled(arm, &X_WG, &ranges).any(|q| holds(&q)),
                 Kinematics::ParallelAxes(arm) => arm.solutions(&X_WG, from, &ranges).iter().any(holds),
+                Kinematics::Turned => {
+                    let centre_G = self.gripper.grasp_centre();
+                    self.robot.turned_solutions(&X_WG, &centre_G, from, &ranges).iter().any(holds)
+                }
                 Kinematics::Numerical => self.robot.solutions_within(&X_WG, from, &ranges).iter().any(holds),
             }
         })

@@ -62,6 +62,13 @@ pub struct Measures {
     /// Largest joint impulse Jᵀ·(impulse of the catch and its moment), of any joint, in N·m·s.
     #[serde(default)]
     pub catch_joint_impulse_nms: Option<f64>,
+    /// Largest ratio of the impact, averaged over 5 ms, to the contact at which the maker's controller stops:
+    /// at a joint or at the hand. Above 1 it would have stopped.
+    #[serde(default)]
+    pub contact_stop_ratio: Option<f64>,
+    /// Joint of that ratio, from 1 on; none if it is the ratio at the hand.
+    #[serde(default)]
+    pub contact_stop_joint: Option<usize>,
     /// Highest velocity of a joint over its limit, impacts included.
     pub peak_velocity_ratio: f64,
     /// Highest acceleration of a joint over its limit, impacts included.

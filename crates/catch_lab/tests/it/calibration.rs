@@ -1,6 +1,6 @@
 //! Cameras are calibrated on the arm, and what cannot be calibrated is said.
 
-use catch_body::{Pose, Robot, shape::Capsule, visual::Visual};
+use catch_body::{Pose, Robot};
 use catch_calibration::{CalibrationStatus, Config, calibrate};
 use catch_cell::CameraModel;
 use catch_lab::scenario::setup::{

@@ -7,6 +7,7 @@ mod calibration;
 mod camera_health;
 mod circles;
 mod controls;
+mod few_joints;
 mod frames;
 mod knowledge;
 mod numerical_failures;

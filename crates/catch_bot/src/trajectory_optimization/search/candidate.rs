@@ -3,7 +3,8 @@
 use catch_body::MAX_JOINTS;
 
 use crate::{
-    grasp_selection::RankedGrasp, trajectory_optimization::reachability::ReachableSet,
+    grasp_selection::{Grasp, RankedGrasp},
+    trajectory_optimization::reachability::ReachableSet,
     trajectory_prediction::LocalFlight,
 };
 
@@ -23,11 +24,13 @@ pub struct Candidate {
     /// Postures whose velocities at the catch were looked for, and those that were tried in vain.
     pub velocity_trials: usize,
     pub failed: usize,
+    /// The grasp, where the hand holds a ball turned as the arm can turn it.
+    pub turned: Option<Grasp>,
 }
 
 impl Candidate {
     /// Candidate with which nothing was tried yet.
     pub fn new(sample: usize, ranked: RankedGrasp, margin_cost: f64) -> Self {
-        Self { sample, ranked, margin_cost, velocity_trials: 0, failed: 0 }
+        Self { sample, ranked, margin_cost, velocity_trials: 0, failed: 0, turned: None }
     }
 }

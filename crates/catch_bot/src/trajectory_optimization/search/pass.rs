@@ -1,7 +1,7 @@
 //! One pass of a search: the catches of a time grid, best first.
 
 use catch_body::{Pose, workcell::FLOOR_Z_M};
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 
 use super::{
     OFFSETS, PASSES, ReachableCatch, Search, WORK_OF_A_MOTION, WORK_OF_A_POSTURE, WORK_OF_A_TERMINAL_VELOCITY,
@@ -14,7 +14,7 @@ use super::{
     },
 };
 use crate::{
-    grasp_selection::{Passing, RankedGrasp},
+    grasp_selection::{Grasp, Passing, RankedGrasp},
     trajectory_optimization::{
         CatchPlan, CatchSearch, MIN_LEAD_S, PlanningFailure,
         point_to_point::PointToPoint,
@@ -101,10 +101,14 @@ impl<'a, 's> Pass<'a, 's> {
     fn expand_pose(&mut self, node: &Node) {
         let (motion, start) = (&self.planner.motion, self.search.start);
         let from = &start.state.q;
-        let Candidate { sample, ranked: RankedGrasp { index, X_WG, .. }, margin_cost, .. } =
-            self.candidates[node.candidate];
+        let &Candidate { sample, ranked: RankedGrasp { index, X_WG, .. }, margin_cost, .. } =
+            &self.candidates[node.candidate];
+        let postures = self.turned(node).unwrap_or_else(|| {
+            let ranges = &self.samples[sample].ranges;
+            let found = motion.finder.postures(&motion.robot, &X_WG, from, ranges, self.is_thorough);
+            found.into_iter().map(|posture| (*node, posture)).collect()
+        });
         let at = &self.samples[sample];
-        let postures = motion.finder.postures(&motion.robot, &X_WG, from, &at.ranges, self.is_thorough);
         // The object's approach is costly to look at; here it only tells why there is no catch.
         if !postures.is_empty() && self.failure < PlanningFailure::NoMotion {
             let incoming = self.search.incoming;
@@ -115,15 +119,40 @@ impl<'a, 's> Pass<'a, 's> {
             let is_free = self.planner.straight_approach_is_free(&v_GO, &entering, &mut self.search.obstacles[index]);
             self.failure = if is_free { PlanningFailure::NoMotion } else { PlanningFailure::Blocked };
         }
-        for posture in postures {
+        for (node, posture) in postures {
             let Some(reach_fraction) = fraction_used(&at.joints, from, &posture.q, motion.robot.dof()) else {
                 continue;
             };
             let cost = node.cost - margin_cost
                 + REACH_FRACTION * reach_fraction.powi(4)
                 + COMFORT * (posture.q - motion.robot.comfortable_q).norm();
-            self.frontier.push(Node { stage: Stage::Posture(posture), cost, ..*node });
+            self.frontier.push(Node { stage: Stage::Posture(posture), cost, ..node });
         }
+    }
+
+    /// The postures that hold a ball near the pose, the hand turned about it as an arm of few joints can turn
+    /// it, each with the node of a candidate of its own; `None` for others.
+    fn turned(&mut self, node: &Node) -> Option<Vec<(Node, Posture)>> {
+        let (planner, &mut Search { start, incoming, .. }) = (self.planner, &mut *self.search);
+        let &Candidate { sample, ranked, margin_cost, .. } = &self.candidates[node.candidate];
+        let grasp = &incoming.grasps.grasps[ranked.index];
+        let (p_GO, robot, base) = (planner.pivot_G(incoming, grasp)?, &planner.motion.robot, self.base());
+        let CatchTimeSample { local_flight: LocalFlight { X_WO, V_WO, .. }, ranges, .. } = &self.samples[sample];
+        let passing = Passing::new(X_WO, &V_WO.linear, &base, &incoming.config.weights);
+        let least = |ranked: &RankedGrasp| planner.least_holding_cost(incoming, ranked, &V_WO.linear);
+        let mut found = Vec::new();
+        for q in robot.turned_solutions(&ranked.X_WG, &p_GO, &start.state.q, ranges) {
+            let X_OG = X_WO.inverse() * robot.gripper_pose(&q);
+            if passing.can_be_caught(&[X_OG * Vector3::x(), X_OG * Vector3::y()]) {
+                let turned = Grasp { X_OG, ..grasp.clone() };
+                let again = passing.rank_alone(ranked.index, &turned);
+                let cost = node.cost + least(&again) - least(&ranked);
+                found.push((Node { candidate: self.candidates.len(), cost, ..*node }, Posture { q, elbow: None }));
+                let candidate = Candidate::new(sample, again, margin_cost);
+                self.candidates.push(Candidate { turned: Some(turned), ..candidate });
+            }
+        }
+        Some(found)
     }
 
     /// Expands a posture to the velocities of the joints at the catch.
@@ -162,14 +191,14 @@ impl<'a, 's> Pass<'a, 's> {
     fn try_motions(&mut self, node: &Node, posture: Posture, balanced: TerminalVelocity) -> Option<CatchPlan> {
         let (planner, motion) = (self.planner, &self.planner.motion);
         let Search { start, incoming, ref mut obstacles, ref mut work, .. } = *self.search;
-        let Candidate { sample, ranked, failed, .. } = &mut self.candidates[node.candidate];
+        let Candidate { sample, ranked, failed, turned, .. } = &mut self.candidates[node.candidate];
         if *failed == MAX_MOTION_TRIALS {
             return None;
         }
         let RankedGrasp { index, X_WG, approach, still_cost, .. } = *ranked;
         let at = &self.samples[*sample];
         let (catch_s, v_WO) = (at.local_flight.time_s, &at.local_flight.V_WO.linear);
-        let grasp = &incoming.grasps.grasps[index];
+        let grasp = turned.as_ref().unwrap_or(&incoming.grasps.grasps[index]);
         let (entering, obstacle) =
             (Entering { incoming, local_flight: &at.local_flight, grasp }, &mut obstacles[index]);
         let reachable = ReachableCatch { catch_s, approach, X_WG, posture, cost: node.cost, still_cost };

@@ -97,6 +97,7 @@ pub const FILES: &[Section] = &[
     of("Robot", "catch_body/src/robot_file.rs", "RobotFile"),
     of("Robot: base", "catch_body/src/pose.rs", "PoseFields"),
     of("Robot: flange", "catch_body/src/robot_file.rs", "FlangeFields"),
+    of("Robot: contact_stop", "catch_body/src/robot.rs", "ContactStop"),
     of("Robot: poses", "catch_body/src/robot_file.rs", "PosesFields"),
     of("Robot: joints.NAME", "catch_body/src/robot_file.rs", "JointFields"),
     of("Robot: joints.NAME.velocity_by_position", "catch_body/src/velocity_table.rs", "VelocityFields"),
