@@ -103,7 +103,7 @@ pub const FILES: &[Section] = &[
     of("Robot: joints.NAME.velocity_by_position", "catch_body/src/velocity_table.rs", "VelocityFields"),
     of("Robot: links.NAME", "catch_body/src/robot_file/inertia.rs", "LinkFields"),
     of("Robot: collision", "catch_body/src/robot_file.rs", "CollisionFields"),
-    of("Robot: collision.capsules", "catch_body/src/robot_file.rs", "CapsuleFields"),
+    of("Robot: collision.capsules", "catch_body/src/robot_file/capsules.rs", "CapsuleFields"),
     of("Robot: visuals.NAME", "catch_body/src/visual.rs", "Visual"),
     of("Gripper", "catch_body/src/gripper.rs", "Gripper"),
     of("Gripper: drive", "catch_body/src/gripper.rs", "Drive"),
