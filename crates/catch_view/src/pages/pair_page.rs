@@ -16,6 +16,8 @@ const SCRIPT: &str = include_str!("pair_page/pair.js");
 struct PairData {
     /// Page of a throw, in which `{{title}}` and `{{data}}` stand for a throw's own.
     page: String,
+    /// Surfaces of the first throw, for which `{{surfaces}}` stands wherever they are shown.
+    surfaces: String,
     throws: [ThrowData; 2],
 }
 
@@ -29,11 +31,13 @@ struct ThrowData {
 pub fn page(throws: [(&str, &Playback); 2]) -> String {
     let [a, b] = throws.map(|(_, playback)| PageData::of(playback, MOST_POINTS / 2));
     let b = b.seen_as(&a);
+    let surfaces = packed::json_in_html(&a.surfaces);
     let throw = |(name, playback): (&str, &Playback), data: &PageData| ThrowData {
         title: packed::text_in_html(&format!("{name}: {}", playback.header.title)),
-        data: packed::json_in_html(data),
+        data: packed::json_in_html(data).replacen(&surfaces, "{{surfaces}}", 1),
     };
-    let data = PairData { page: catch_page::template(), throws: [throw(throws[0], &a), throw(throws[1], &b)] };
+    let throws_data = [throw(throws[0], &a), throw(throws[1], &b)];
+    let data = PairData { page: catch_page::template(), surfaces, throws: throws_data };
     let title = format!("{} and {}", throws[0].0, throws[1].0);
     document(&title, "pair", "", &fill(PAGE, &[("data", &packed::json_in_html(&data)), ("script", SCRIPT)]))
 }

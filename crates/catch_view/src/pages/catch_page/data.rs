@@ -46,7 +46,7 @@ pub struct PageData {
     scene_view: Option<View>,
     close_up_view: Option<View>,
     robot: RobotData,
-    surfaces: Vec<PackedSurface>,
+    pub(in crate::pages) surfaces: Vec<PackedSurface>,
     motion: Motion,
     predictions: Predictions,
     errors: Errors,
