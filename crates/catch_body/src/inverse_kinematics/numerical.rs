@@ -48,7 +48,7 @@ impl Robot {
         from: &JointVector,
         ranges: &Ranges,
     ) -> Vec<JointVector> {
-        self.from_two_starts(from, ranges, |start| self.solution_near(X_WG, Some(p_G), start, ranges))
+        self.of_two_starts(from, ranges, |start| self.solution_near(X_WG, Some(p_G), start, ranges))
     }
 
     /// The iteration of [`nearby_solution`](Self::nearby_solution). Where the gripper may turn about a point,
@@ -114,11 +114,11 @@ impl Robot {
     /// Joint positions within `ranges` that put the gripper at `X_WG`, at most two: near `from` and near the
     /// middle of the ranges.
     pub fn first_solutions_within(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<JointVector> {
-        self.from_two_starts(from, ranges, |start| self.nearby_solution(X_WG, start, ranges))
+        self.of_two_starts(from, ranges, |start| self.nearby_solution(X_WG, start, ranges))
     }
 
     /// Solutions of an iteration from two starts, at most two.
-    fn from_two_starts(
+    fn of_two_starts(
         &self,
         from: &JointVector,
         ranges: &Ranges,
