@@ -174,10 +174,8 @@ fn built_in_arms_are_those_of_their_makers() {
         for link in 0..=pair.ours.dof() {
             let [outside, off] = distances_mm(&pair, link);
             let [most, median, late] = [outside[outside.len() - 1], off[off.len() / 2], off[off.len() * 95 / 100]];
-            let line = format!("{name} {link}: {most:.1} mm outside, off {median:.1} and {late:.1} mm");
-            println!("{line}");
             if most > MOST_OUTSIDE_MM || median > MOST_OFF_MM[0] || late > MOST_OFF_MM[1] {
-                writeln!(faults, "{line}").unwrap();
+                writeln!(faults, "{name} {link}: {most:.1} mm outside, off {median:.1} and {late:.1} mm").unwrap();
             }
         }
     }
