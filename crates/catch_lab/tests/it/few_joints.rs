@@ -7,14 +7,14 @@ use catch_lab::{
     scenario::setup::{Choice, Setup},
 };
 
-/// Joints of an arm like the SO-100, three times as large: name, axis, offset in metres, range in radians,
-/// highest speed in rad/s and torque in N·m.
-const JOINTS: [(&str, [f64; 3], [f64; 3], f64, f64, f64); 5] = [
-    ("pan", [0.0, 0.0, 1.0], [0.0, 0.0, 0.15], 2.9, 3.5, 200.0),
-    ("lift", [0.0, 1.0, 0.0], [0.0, 0.0, 0.2], 1.9, 3.5, 200.0),
-    ("elbow", [0.0, 1.0, 0.0], [0.0, 0.0, 0.42], 2.6, 4.0, 120.0),
-    ("wrist", [0.0, 1.0, 0.0], [0.0, 0.0, 0.36], 2.1, 5.0, 60.0),
-    ("roll", [0.0, 0.0, 1.0], [0.0, 0.0, 0.08], 2.9, 6.0, 40.0),
+/// Joints of an arm like the SO-100, three times as large: name and axis, and the height above the joint
+/// before in metres, the range in radians, the highest speed in rad/s and torque in N·m.
+const JOINTS: [(&str, &str, [f64; 4]); 5] = [
+    ("pan", "0 0 1", [0.15, 2.9, 3.5, 200.0]),
+    ("lift", "0 1 0", [0.2, 1.9, 3.5, 200.0]),
+    ("elbow", "0 1 0", [0.42, 2.6, 4.0, 120.0]),
+    ("wrist", "0 1 0", [0.36, 2.1, 5.0, 60.0]),
+    ("roll", "0 0 1", [0.08, 2.9, 6.0, 40.0]),
 ];
 
 fn write_arm(folder: &Path) {
@@ -26,17 +26,17 @@ fn write_arm(folder: &Path) {
              ixz=\"0\" iyy=\"0.02\" iyz=\"0\" izz=\"0.01\"/></inertial></link>"
         );
     }
-    for (i, (name, [ax, ay, az], [x, y, z], range, speed, torque)) in JOINTS.into_iter().enumerate() {
+    for (i, (name, axis, [z, range, speed, torque])) in JOINTS.into_iter().enumerate() {
         let _ = writeln!(
             urdf,
-            "<joint name=\"{name}\" type=\"revolute\"><parent link=\"l{i}\"/><child link=\"l{}\"/><origin xyz=\"{x} {y} {z}\"/>\
-             <axis xyz=\"{ax} {ay} {az}\"/><limit lower=\"-{range}\" upper=\"{range}\" velocity=\"{speed}\" effort=\"{torque}\"/></joint>",
+            "<joint name=\"{name}\" type=\"revolute\"><parent link=\"l{i}\"/><child link=\"l{}\"/><origin xyz=\"0 0 {z}\"/>\
+             <axis xyz=\"{axis}\"/><limit lower=\"-{range}\" upper=\"{range}\" velocity=\"{speed}\" effort=\"{torque}\"/></joint>",
             i + 1
         );
         let _ = writeln!(joints, "[joints.{name}]\nmax_acceleration_radps2 = 25.0\nrotor_inertia_kgm2 = 0.05");
         let _ = writeln!(
             capsules,
-            "[[collision.capsules]]\nlink = \"l{i}\"\nfrom_m = [0.0, 0.0, 0.0]\nto_m = [{x}, {y}, {z}]\nradius_m = 0.05"
+            "[[collision.capsules]]\nlink = \"l{i}\"\nfrom_m = [0.0, 0.0, 0.0]\nto_m = [0.0, 0.0, {z}]\nradius_m = 0.05"
         );
     }
     let toml = format!(

@@ -123,7 +123,6 @@ fn ellipsoids_of_many_tracks_hold_what_they_claim() {
             std::array::from_fn(|i| throws.iter().zip(&flights).map(|(it, of)| it.miss(of[i].as_ref()?)).collect());
         for (misses, least) in [(by_generic, generic), (cross_validated(&studied, 5, || {}).unwrap(), 0.9)] {
             let covered = misses.map(|it| Reliability::of(&it).covered);
-            println!("{spin_per_s}: {covered:?}");
             let mean = covered.iter().map(|it| it[2]).sum::<f64>() / 4.0;
             assert!((least..=0.98).contains(&mean), "{spin_per_s}: {covered:?}");
         }
