@@ -121,7 +121,7 @@ impl CatchingBot {
         cameras: Vec<CameraModel>,
         object: &KnownObject,
     ) -> Result<Self, InputError> {
-        let seed = config.seed;
+        let (seed, robot) = (config.seed, robot.with_mount_of(&gripper));
         let reach_map = ReachMap::serves(&robot).then(|| Arc::new(ReachMap::new(&robot)));
         let config = config.given(&object.figures, &cameras);
         let known = Preparation::new(config, (robot, reach_map), gripper, cameras, &object.scan)?;

@@ -25,7 +25,7 @@ fn arm() -> (Robot, Gripper) {
         toml: include_str!("../../../assets/robots/iiwa14/robot.toml"),
     };
     let gripper = Gripper::from_toml("wsg50.toml", include_str!("../../../assets/grippers/wsg50.toml")).unwrap();
-    (Robot::from_files(&files).unwrap(), gripper)
+    (Robot::from_files(&files).unwrap().with_mount_of(&gripper), gripper)
 }
 
 /// Everything that predictions depend on.

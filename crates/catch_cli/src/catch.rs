@@ -223,7 +223,8 @@ fn summary(setup: &Setup, scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatc
     screen::fact("recording", &recording.display().to_string())
 }
 
-/// Prints two things: the broken limits of the arm in commands, and the effect of the impact on the motion.
+/// Prints the broken limits of the arm in commands, the effect of the impact on the motion, and whether the
+/// maker's controller would have stopped.
 fn limits(verdict: &Verdict) -> io::Result<()> {
     let percent = |ratio: f64| format!("{:.0} %", ratio * 100.0);
     let measures = &verdict.measures;

@@ -136,12 +136,12 @@ fn gripper_of(asset: &Asset) -> Result<Gripper, InputError> {
     Gripper::from_toml(&asset.file, &asset.text)?.with_meshes(&|name| asset.read_beside(name))
 }
 
-/// Notes on an arm: mounts of grippers, and shapes.
+/// Notes on an arm: flanges, and shapes.
 fn notes_of_arm(robot: &Robot) -> Vec<String> {
-    notes_of_mounts(robot).into_iter().chain(robot_check::note_of_visuals(robot)).collect()
+    notes_of_flanges(robot).into_iter().chain(robot_check::note_of_visuals(robot)).collect()
 }
 
-/// Notes on a robot: mounts of grippers, assumptions, and elements of its URDF that are ignored.
+/// Notes on a robot: flanges, assumptions, and elements of its URDF that are ignored.
 fn notes_of_robot(asset: &Asset) -> Vec<String> {
     let mut notes: Vec<String> = robot_of(asset).iter().flat_map(notes_of_arm).collect();
     notes.extend(notes_of_assumptions(asset));
@@ -152,8 +152,8 @@ fn notes_of_robot(asset: &Asset) -> Vec<String> {
     notes
 }
 
-/// Notes on the mounts of grippers, and on where their fingers close.
-fn notes_of_mounts(robot: &Robot) -> Vec<String> {
+/// Notes on the flanges, and on where fingers close.
+fn notes_of_flanges(robot: &Robot) -> Vec<String> {
     let link = robot.joints.last().map_or("", |it| it.link_name.as_str());
     let numbers = |v: Vector3<f64>| {
         // No negative zero.

@@ -112,9 +112,10 @@ impl ImportedRobot {
             ready_rad: middle,
         };
 
-        let mut robot = parsed(&draft)?;
+        let mounted = |draft: &Draft| parsed(draft).map(|it| it.with_mount_of(gripper));
+        let mut robot = mounted(&draft)?;
         if lighten(&mut draft, &robot, gripper) {
-            robot = parsed(&draft)?;
+            robot = mounted(&draft)?;
         }
         let torques = poses::sufficient_torques(&robot, gripper);
         for (i, values) in draft.joints.iter_mut().enumerate() {
@@ -126,8 +127,8 @@ impl ImportedRobot {
         }
         draft.ignored_neighbours = poses::ignored_neighbours(&robot, gripper);
         draft.base_height_m = poses::base_height_m(&robot);
-        let starts = poses::good_poses(&parsed(&draft)?, gripper, MOST_STARTS);
-        let mut imported = Self { robot: parsed(&draft)?, draft, starts };
+        let starts = poses::good_poses(&mounted(&draft)?, gripper, MOST_STARTS);
+        let mut imported = Self { robot: mounted(&draft)?, draft, starts };
         if let Some(&best) = imported.starts.first() {
             imported.draft.comfortable_rad = in_short(&best, dof);
             imported.set_ready(&best)?;

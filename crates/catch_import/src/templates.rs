@@ -53,7 +53,7 @@ pub fn files(kind: Kind, name: &str) -> Result<Vec<NewFile>, InputError> {
             let named = Scenario::of_asset(&scenario)?.robot;
             let robot = Asset::find(Kind::Robot, &named, &nowhere, asked_by)?;
             let (_, urdf) = robot.read_text_beside("robot.urdf")?;
-            Ok(vec![(format!("{name}/robot.toml"), robot.text), (format!("{name}/robot.urdf"), urdf)])
+            Ok(vec![(format!("{name}/robot.toml"), without_depths(&robot.text)), (format!("{name}/robot.urdf"), urdf)])
         }
         Kind::Scenario => filled_in(SCENARIO),
     }
@@ -108,3 +108,14 @@ pub fn cloud(name: &str, object: &str) -> Result<NewFile, InputError> {
 
 /// Points of a sample cloud at most, and about twice as many as it has.
 const MOST_SAMPLES: usize = 2000;
+
+/// The text of a robot without the surfaces below its capsules, which fit no other capsules.
+fn without_depths(text: &str) -> String {
+    let mut is_within = false;
+    let keeps = |line: &&str| {
+        let was_within = is_within;
+        is_within = (is_within || line.starts_with("depths_mm = [")) && *line != "]";
+        !was_within && !is_within
+    };
+    text.lines().filter(keeps).flat_map(|line| [line, "\n"]).collect()
+}

@@ -41,9 +41,9 @@ fn render(criterion: &mut Criterion) {
         toml_file: "robot.toml",
         toml: include_str!("../../../assets/robots/iiwa14/robot.toml"),
     };
-    let robot = Robot::from_files(&files).expect("the built-in arm is right");
     let gripper = Gripper::from_toml("wsg50.toml", include_str!("../../../assets/grippers/wsg50.toml"))
         .expect("the built-in gripper is right");
+    let robot = Robot::from_files(&files).expect("the built-in arm is right").with_mount_of(&gripper);
     let rig = |text| rig_from_toml("rig", text).expect("the built-in rig is right");
     let object = TriangleMesh::sphere(0.0336, 4);
     let far = rig(include_str!("../../../assets/rigs/paper_flight.toml"));

@@ -43,6 +43,7 @@ impl Equipment {
         if config.published_gripper {
             gripper = gripper.as_published();
         }
+        let robot = robot.with_mount_of(&gripper);
         let shared = Shared {
             renderer: Renderer::new(&robot, &gripper, &object.mesh, config.floor_visible),
             cameras,

@@ -190,8 +190,8 @@ mod tests {
             toml_file: "robot.toml",
             toml: include_str!("../../../assets/robots/iiwa14/robot.toml"),
         };
-        let robot = Robot::from_files(&files).unwrap();
         let gripper = Gripper::from_toml("g", include_str!("../../../assets/grippers/wsg50.toml")).unwrap();
+        let robot = Robot::from_files(&files).unwrap().with_mount_of(&gripper);
         let renderer = Renderer::new(&robot, &gripper, &TriangleMesh::sphere(0.03, 2), false);
         let X_WL = robot.link_poses(&JointVector::zeros());
         let mut cameras = rig_from_toml("d435_2", include_str!("../../../assets/rigs/d435_2.toml")).unwrap();

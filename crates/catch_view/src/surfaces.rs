@@ -53,7 +53,10 @@ pub fn surfaces(robot: &Robot, gripper: &Gripper, object: Option<&TriangleMesh>)
     let mut surfaces: Vec<Surface> = Vec::new();
     let mut add = |of, link, mesh: TriangleMesh, colour| surfaces.push(Surface { of, link, mesh, colour });
     for link in 0..=robot.dof() {
-        add(Part::Link, link, robot.link_surface(link, SEGMENTS), SHELL);
+        let mesh = robot.link_surface(link, SEGMENTS);
+        if !mesh.triangles.is_empty() {
+            add(Part::Link, link, mesh, SHELL);
+        }
     }
     let hand = [(Part::Housing, hand::housing(gripper)), (Part::Finger, hand::finger(gripper))];
     for (of, (mesh, colour)) in hand.into_iter().flat_map(|(of, pieces)| pieces.into_iter().map(move |it| (of, it))) {

@@ -38,9 +38,9 @@ impl Robot {
         self.solution_near(X_WG, None, from, ranges)
     }
 
-    /// Joint positions within `ranges`, near `from` and near their middle, that put a point of the gripper,
-    /// `p_G` in G, where it is at `X_WG`, with the gripper turned toward `X_WG` as far as they can: for arms
-    /// whose joints are too few for every pose.
+    /// Joint positions for arms whose joints are too few for every pose: within `ranges`, near `from` and near
+    /// the middle. They put the point `p_G` of the gripper where it is at `X_WG`, and turn the gripper toward
+    /// that pose as far as they can.
     pub fn turned_solutions(
         &self,
         X_WG: &Pose,

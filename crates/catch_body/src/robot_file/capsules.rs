@@ -9,11 +9,13 @@ use crate::{
     mesh::TriangleMesh,
     quantity::{self, Quantity},
     shape::Capsule,
-    visual::Visual,
+    visual::{MOST_VISUAL_TRIANGLES, Visual},
 };
 
 use super::{MOST_CAPSULES, RobotFiles, unreasoned};
 
+/// Flat strips around a capsule without depths.
+const BARE_SEGMENTS: u32 = 24;
 /// Rings and columns of depths below a capsule at most: finer ones would make cameras slow.
 const MOST_RINGS: usize = 48;
 
@@ -32,8 +34,10 @@ pub(super) struct CapsuleFields {
     /// Radius.
     #[serde(deserialize_with = "quantity::radius_m")]
     radius_m: f64,
-    /// Depth of the link's own surface below the capsule, as cameras see it: rings from the first pole to the
-    /// second, at equal distances along the surface. A pole is one number, each ring between has as many.
+    /// Depth of the link's own surface below the capsule, as cameras see it: 3 to 48 rings from the first pole
+    /// to the second, at equal distances along the surface. A pole is one number, each ring between has 3 to
+    /// 48, as many as the others, from the x axis of the capsule's frame, which is the link's frame with z
+    /// turned the shortest way along the segment. A mesh in `[visuals]` takes their place.
     #[serde(default)]
     depths_mm: Vec<Vec<f64>>,
     /// True if nobody published the capsule.
@@ -60,7 +64,8 @@ pub(super) fn collision_shapes(
         let (found, expected) = (format!("{} capsules", stated.len()), format!("at most {MOST_CAPSULES}"));
         return Err(InputError::new(files.toml_file, "collision.capsules", found, expected));
     }
-    let (mut capsules, mut surfaces) = (Vec::new(), BTreeMap::<usize, TriangleMesh>::new());
+    let (mut capsules, mut bare) = (Vec::new(), Vec::new());
+    let mut surfaces = BTreeMap::<usize, TriangleMesh>::new();
     for (i, capsule) in stated.iter().enumerate() {
         let field = |name: &str| format!("collision.capsules[{i}].{name}");
         let link = link_names.iter().position(|name| *name == capsule.link).unwrap_or_else(|| {
@@ -72,11 +77,23 @@ pub(super) fn collision_shapes(
         let solid = Capsule { from: from_m.into(), to: to_m.into(), radius: radius_m };
         match checked_depths(files.toml_file, &field("depths_mm"), radius_m, depths_mm) {
             Err(fault) => faults.push(fault),
-            Ok(()) if depths_mm.is_empty() => {}
+            Ok(()) if depths_mm.is_empty() => bare.push((link, solid)),
             Ok(()) => surfaces.entry(link).or_default().merge(&TriangleMesh::below_capsule(&solid, depths_mm)),
         }
         capsules.push((link, solid));
         faults.extend(unreasoned(files, &field(""), capsule.assumed, capsule.reason.as_ref()));
+    }
+    // Of a link with depths below some capsules the others are seen as they are.
+    for (link, solid) in bare {
+        surfaces.entry(link).and_modify(|it| it.merge(&TriangleMesh::capsule(&solid, BARE_SEGMENTS)));
+    }
+    for (link, surface) in &surfaces {
+        let count = surface.triangles.len();
+        if count > MOST_VISUAL_TRIANGLES {
+            let field = format!("collision.capsules.depths_mm of {}", link_names[*link]);
+            let expected = format!("at most {MOST_VISUAL_TRIANGLES}");
+            faults.push(InputError::new(files.toml_file, field, format!("{count} triangles"), expected));
+        }
     }
     Ok((capsules, surfaces.into_iter().map(|(link, it)| (link, Visual::of_surface(it))).collect()))
 }
@@ -95,7 +112,7 @@ fn checked_depths(file: &str, field: &str, radius_m: f64, depths_mm: &[Vec<f64>]
             return Err(InputError::new(file, format!("{field}[{i}]"), format!("{} numbers", ring.len()), expected));
         }
         // A depth of the whole radius would make triangles without area.
-        let within = Quantity { least: 0.0, most: radius_m * 1e3 - 0.1, unit: "mm" };
+        let within = Quantity { least: 0.0, most: (radius_m * 1e4).floor() / 10.0 - 0.1, unit: "mm" };
         for (k, depth_mm) in ring.iter().enumerate() {
             within.check(file, format!("{field}[{i}][{k}]"), *depth_mm)?;
         }

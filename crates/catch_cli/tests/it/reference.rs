@@ -184,6 +184,7 @@ fn plural(kind: &str) -> String {
         "true or false" | "joint values" => kind.to_owned(),
         _ if kind.starts_with(|it: char| it.is_ascii_digit()) => format!("lists of {kind}"),
         "text" => "texts".to_owned(),
+        _ if kind.starts_with("list of") => kind.replacen("list", "lists", 1),
         _ => format!("{kind}s"),
     }
 }

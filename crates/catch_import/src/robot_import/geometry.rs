@@ -72,9 +72,14 @@ impl BodyShape {
         if is_whole && !visuals.triangles.is_empty() {
             shape.visual = Some(visual(&visuals, &body.visuals));
         }
-        shape.surface = if collisions.triangles.is_empty() { visuals } else { collisions };
-        // Makers' shapes for collisions are often smaller than what one sees of the link.
-        shape.surface.merge(shape.visual.as_ref().map_or(&TriangleMesh::default(), |(mesh, _)| mesh));
+        shape.surface = if collisions.triangles.is_empty() {
+            visuals
+        } else {
+            // Makers' shapes for collisions are often smaller than what one sees of the link.
+            let mut both = collisions;
+            shape.visual.iter().for_each(|(mesh, _)| both.merge(mesh));
+            both
+        };
         shape.capsules = capsule_fit::enclosing_capsules(&shape.surface).iter().map(rounded_outwards).collect();
         Ok(shape)
     }

@@ -10,19 +10,19 @@
 //! map nor the bound on work of the brain's search. The arm may be moving at the catch, if it can stop before
 //! its joints' limits afterwards. The torque limits, the gripper and the object's shape are ignored: a throw
 //! that the oracle calls out of reach is out of reach between its samples, one that it calls within reach may
-//! still be hard.
+//! still be hard. With fewer than six joints the hand is turned to a ball as far as the joints can, whatever
+//! the rest of its rotation.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use catch_body::{
-    Gripper, JointVector, MAX_JOINTS, Pose, Robot, Twist,
+    Gripper, JointVector, MAX_JOINTS, Pose, Robot, TriangleMesh, Twist,
     clearance::ArmClearance,
     inverse_kinematics::{ParallelAxesArm, Ranges, SrsArm},
     robot::JointLimits,
     shape::Capsule,
     workcell::FLOOR_Z_M,
 };
-use catch_bot::perception::Symmetry;
 use catch_sim::FreeFlight;
 use nalgebra::{Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -76,6 +76,14 @@ enum Kinematics {
     Turned,
 }
 
+/// Returns whether a surface is that of a ball: all around its centre equally far.
+fn is_ball(mesh: &TriangleMesh) -> bool {
+    let centre = mesh.aabb().centre;
+    let radii = || mesh.vertices.iter().map(|it| (it - centre).norm());
+    let (least, most) = (radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
+    most - least < 0.02 * most
+}
+
 impl<'a> Oracle<'a> {
     /// Creates the oracle for the arm of a setup.
     pub fn of(setup: &'a Setup) -> Self {
@@ -83,7 +91,7 @@ impl<'a> Oracle<'a> {
         let kinematics = match (SrsArm::of(robot), ParallelAxesArm::of(robot)) {
             (Some(arm), _) => Kinematics::Srs(arm),
             (None, Some(arm)) => Kinematics::ParallelAxes(arm),
-            _ if robot.has_few_joints() && setup.known().reference().symmetry == Symmetry::Sphere => Kinematics::Turned,
+            _ if robot.has_few_joints() && is_ball(&setup.object.mesh) => Kinematics::Turned,
             (None, None) => Kinematics::Numerical,
         };
         let links_m = robot.per_joint(|joint| joint.X_PL.translation.vector.norm()).sum();

@@ -24,7 +24,7 @@ pub(super) fn iiwa() -> Robot {
         toml_file: "robot.toml",
         toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
     };
-    Robot::from_files(&files).unwrap()
+    Robot::from_files(&files).unwrap().with_mount_of(&wsg50())
 }
 
 fn wsg50() -> Gripper {

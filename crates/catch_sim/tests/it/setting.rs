@@ -17,6 +17,7 @@ pub fn robot() -> Robot {
         toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
     })
     .unwrap()
+    .with_mount_of(&gripper())
 }
 
 pub fn gripper() -> Gripper {

@@ -15,7 +15,7 @@ pub const FRAME: Colour = [0.45, 0.47, 0.5];
 const GREYS: usize = 56;
 const SHADES: usize = 18;
 
-/// A fixed palette: greys for everything but the object, the rings of the arm and the paths.
+/// A fixed palette: greys for everything but the object and the paths.
 #[derive(Debug)]
 pub struct Palette {
     colours: Vec<Colour>,
