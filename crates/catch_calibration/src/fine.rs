@@ -37,6 +37,7 @@ const LEAST_SHOWN_SD_PX: f64 = 0.3;
 const STEPS: usize = 9;
 const FIRST_STEPS: usize = 3;
 const REWEIGHTED_STEPS: usize = 6;
+const AVERAGED_STEPS: usize = 3;
 const OF_FIRST_IMAGES: usize = 3;
 const FIRST_SILHOUETTE_PX: usize = 12;
 /// Steps smaller than this, in metres and radians, end it.
@@ -68,7 +69,8 @@ pub struct Estimate {
     /// Covariance of the parameters of all cameras. None where the equations have no solution.
     pub covariance: Option<DMatrix<f64>>,
     pub residuals: Vec<Residuals>,
-    /// The last step of each camera, as its pose's covariance counts: rotation in rad and translation in m.
+    /// The last steps of each camera in the mean, as its pose's covariance counts: rotation in rad and
+    /// translation in m.
     pub last_step: Vec<Vector6<f64>>,
 }
 
@@ -135,14 +137,23 @@ impl Problem<'_> {
         }
         // The correlation of neighbours changes the weights, and so the optimum.
         state.step(Pass::Correlating);
-        let mut equations = None;
+        let (mut equations, mut steps) = (None, Vec::new());
         for _ in 0..REWEIGHTED_STEPS {
+            // Two steps' equations at once would double the memory.
+            drop(equations.take());
             equations = state.step(Pass::All);
+            steps.push(state.last_step.clone());
             if state.last_step.iter().all(|it| it.amax() < SMALL) {
                 break;
             }
         }
-        let State { cameras, shared, residuals, last_step, .. } = state;
+        let State { cameras, shared, residuals, mut last_step, .. } = state;
+        // Pixels at edges come and go, so steps about the optimum do not vanish, but their mean does.
+        for (camera, last) in last_step.iter_mut().enumerate() {
+            let recent: Vec<_> = steps.iter().rev().take(AVERAGED_STEPS).map(|it| it[camera]).collect();
+            let mean = recent.iter().sum::<Vector6<f64>>() / recent.len() as f64;
+            *last = if mean.norm() < last.norm() { mean } else { *last };
+        }
         let covariance = equations.and_then(|it| covariance::of_cameras(&it, cameras.len()));
         Estimate { cameras, shared, covariance, residuals, last_step }
     }

@@ -38,9 +38,9 @@ impl Robot {
         self.solution_near(X_WG, None, from, ranges)
     }
 
-    /// Joint positions for arms whose joints are too few for every pose: within `ranges`, near `from` and near
-    /// the middle. They put the point `p_G` of the gripper where it is at `X_WG`, and turn the gripper toward
-    /// that pose as far as they can.
+    /// Joint positions for arms whose joints are too few for every pose: within `ranges`, near `from` and
+    /// near the middle. They put the point `p_G` of the gripper where it is at `X_WG`, and turn the gripper
+    /// toward that pose as far as they can.
     pub fn turned_solutions(
         &self,
         X_WG: &Pose,
