@@ -18,9 +18,9 @@ const MOST_OFF_MM: [f64; 2] = [3.0, 8.0];
 /// Points of a link that are compared.
 const POINTS: usize = 2_000;
 /// Distance between rings of depths in metres, as long as there are no more than a file may have.
-const SPACING_M: f64 = 0.011;
+const SPACING_M: f64 = 0.010;
 /// Columns of depths around a capsule.
-const COLUMNS: usize = 24;
+const COLUMNS: usize = 32;
 
 /// An arm and, by link, what its maker publishes of it: the pose of the maker's frame, capsules, the mesh.
 struct Pair {
@@ -93,7 +93,7 @@ impl Pair {
 /// Depths of a mesh below a capsule in whole millimetres.
 fn depths_mm(capsule: &Capsule, mesh: &RayCaster) -> Vec<Vec<u32>> {
     let way = (capsule.to - capsule.from).norm() + std::f64::consts::PI * capsule.radius;
-    let rings = ((way / SPACING_M).ceil() as usize).clamp(24, 47);
+    let rings = ((way / SPACING_M).ceil() as usize).clamp(12, 47);
     let most = capsule.radius * 1e3 - 1.0;
     let X_LC = capsule.frame();
     let depth = |i: usize, k: usize| {
