@@ -194,7 +194,7 @@ fn the_arm_is_seen_where_it_is_and_the_floor_only_if_wanted() {
     assert!(level.mask.is_none());
     let row = 150 - (0.5 / 7.0 * 362.13) as usize;
     let seen = level.depth_m[row * 400 + 200];
-    assert!(nearest_m > 0.03 && (seen - (7.0 - nearest_m)).abs() < 0.01, "{seen}, {nearest_m}");
+    assert!(nearest_m > 0.03 && (f64::from(seen) - (7.0 - nearest_m)).abs() < 0.01, "{seen}, {nearest_m}");
     assert!(level.depth_m[10].is_nan());
 
     // Camera 1 looks down at 30°: beside the arm there is the floor, or nothing.
