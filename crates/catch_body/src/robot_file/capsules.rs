@@ -34,10 +34,10 @@ pub(super) struct CapsuleFields {
     /// Radius.
     #[serde(deserialize_with = "quantity::radius_m")]
     radius_m: f64,
-    /// Depth of the link's own surface below the capsule, as cameras see it: 3 to 48 rings from the first pole
-    /// to the second, at equal distances along the surface. A pole is one number, each ring between has 3 to
-    /// 48, as many as the others. They begin at the x axis of the capsule's frame: the link's frame, z turned
-    /// the shortest way along the segment. A mesh in `[visuals]` takes their place.
+    /// Depth of the link's own surface below the capsule, as cameras see it: 3 to 48 rings from the first
+    /// pole to the second, at equal distances along the surface. A pole is one number, each ring between has
+    /// 3 to 48, as many as the others. They begin at the x axis of the capsule's frame: the link's frame, z
+    /// turned the shortest way along the segment. A mesh in `[visuals]` takes their place.
     #[serde(default)]
     depths_mm: Vec<Vec<f64>>,
     /// True if nobody published the capsule.
