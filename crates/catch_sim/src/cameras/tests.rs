@@ -5,6 +5,7 @@ mod near_rigs;
 
 use catch_body::{
     Gripper, JointVector, Pose, Robot, TriangleMesh,
+    ray_cast::ArmSurface,
     robot_file::RobotFiles,
     shape::{Capsule, Cuboid},
 };
@@ -187,17 +188,19 @@ fn the_arm_is_seen_where_it_is_and_the_floor_only_if_wanted() {
         exact_images(&renderer, &flight_rig(), &scene, Readout::Full, false).swap_remove(camera)
     };
     // Camera 2 looks from +x along the floor: the upper arm stands in its middle, 0.5 m up.
-    let vertices = |link: usize| robot.link_surface(link, 48).transformed(&X_WL[link]).vertices;
-    let before = (0..4).flat_map(vertices).filter(|it| (it.z - 0.5).abs() < 0.02 && it.y.abs() < 0.02);
-    let across_m: Vec<f64> = before.map(|it| it.x).filter(|it| *it > 0.0).collect();
-    let [least_m, most_m] =
-        [across_m.iter().copied().fold(1.0, f64::min), across_m.iter().copied().fold(0.0, f64::max)];
     let level = depths(false, 2);
     assert!(level.mask.is_none());
     let row = 150 - (0.5 / 7.0 * 362.13) as usize;
     let seen = level.depth_m[row * 400 + 200];
-    let expected = 7.0 - most_m..=7.0 - least_m;
-    assert!(most_m - least_m < 0.05 && expected.contains(&f64::from(seen)), "{seen}, {expected:?}");
+    let camera = &flight_rig()[2];
+    let ray_W = camera.X_WC.rotation * camera.back_project(&level.window.pixel_centre(row * 400 + 200), 1.0).coords;
+    let surface = ArmSurface::new(&robot, &wsg50());
+    let hits = surface.parts(&X_WL, 0.11).filter_map(|(X_WB, part)| {
+        let X_BW = X_WB.inverse();
+        part.cast(&(X_BW * Point3::from(camera.X_WC.translation.vector)), &(X_BW * ray_W))
+    });
+    let expected = hits.fold(f64::INFINITY, f64::min);
+    assert!((6.9..6.98).contains(&seen) && (f64::from(seen) - expected).abs() < 1e-3, "{seen}, {expected}");
     assert!(level.depth_m[10].is_nan());
 
     // Camera 1 looks down at 30°: beside the arm there is the floor, or nothing.
