@@ -142,10 +142,10 @@ impl Robot {
     /// All that a simulator needs. `X_WB` is the pose of the base. Each of `joints` has `name`, `link`,
     /// `X_PL` (pose of its link in the one before while the joint is at zero), `axis` (in the link), `lower`,
     /// `upper`, `torque`, `damping`, `rotor_inertia`, and the link's `mass`, `com` and `inertia` (about it).
-    /// `X_LF` is the pose of the flange in the last link, `X_LF_by_gripper` that for grippers, by their names,
-    /// that are mounted in another way, and `X_LG` that of the setup's gripper: the flange's for an arm that
-    /// belongs to no setup. `capsules` are its shape: `link` (0 is the base), `from`, `to`, `radius`. `boxes`
-    /// (`X_WS`, `size`) and `obstacle_capsules` stand around it.
+    /// `X_LF` is the pose of the flange in the last link, `X_LF_by_gripper` that for grippers, by their
+    /// names, that are mounted in another way, and `X_LG` that of the setup's gripper: the flange's for an
+    /// arm that belongs to no setup. `capsules` are its shape: `link` (0 is the base), `from`, `to`,
+    /// `radius`. `boxes` (`X_WS`, `size`) and `obstacle_capsules` stand around it.
     #[getter]
     fn numbers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let it = &self.model;
