@@ -173,8 +173,8 @@ impl Robot {
         json_dict(py, &numbers)
     }
 
-    /// Pose of a gripper in the world (4×4) with the joints at `q`. Without `gripper` it is that of the setup,
-    /// or the flange of an arm that belongs to none.
+    /// Pose of a gripper in the world (4×4) with the joints at `q`. Without `gripper` it is that of the
+    /// setup, or the flange of an arm that belongs to none.
     #[pyo3(signature = (q, gripper=None))]
     fn gripper_pose<'py>(
         &self,
