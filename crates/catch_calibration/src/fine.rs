@@ -37,9 +37,10 @@ const LEAST_SHOWN_SD_PX: f64 = 0.3;
 const STEPS: usize = 9;
 const FIRST_STEPS: usize = 3;
 const REWEIGHTED_STEPS: usize = 6;
-const AVERAGED_STEPS: usize = 3;
 const OF_FIRST_IMAGES: usize = 3;
 const FIRST_SILHOUETTE_PX: usize = 12;
+/// Last steps whose mean tells whether the estimate still moves.
+const AVERAGED_STEPS: usize = 3;
 /// Steps smaller than this, in metres and radians, end it.
 pub const SMALL: f64 = 2e-5;
 /// Correlations are taken from one in so many images.

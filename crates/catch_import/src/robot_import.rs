@@ -142,7 +142,7 @@ impl ImportedRobot {
     /// If a joint is out of its range there.
     pub fn set_ready(&mut self, q: &JointVector) -> Result<(), InputError> {
         self.draft.ready_rad = in_short(q, self.robot.dof());
-        self.robot = parsed(&self.draft)?;
+        self.robot = Robot { X_LG: self.robot.X_LG, ..parsed(&self.draft)? };
         Ok(())
     }
 

@@ -10,8 +10,7 @@
 //! map nor the bound on work of the brain's search. The arm may be moving at the catch, if it can stop before
 //! its joints' limits afterwards. The torque limits, the gripper and the object's shape are ignored: a throw
 //! that the oracle calls out of reach is out of reach between its samples, one that it calls within reach may
-//! still be hard. With fewer than six joints the hand is turned to a ball as far as the joints can, whatever
-//! the rest of its rotation.
+//! still be hard. Arms of fewer than six joints may hold a ball with the hand in any rotation.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 

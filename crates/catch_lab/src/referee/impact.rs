@@ -11,8 +11,8 @@ use nalgebra::{Vector3, Vector6};
 /// Time from the first contact to the object at rest in the hand, in seconds. An impact itself is over in one
 /// step.
 const IMPACT_S: f64 = 0.02;
-/// Duration over which a contact is averaged, in seconds: so long a real hand takes to stop an object, with
-/// fingers that yield. The arena's rigid ones do it in one step.
+/// Duration over which a contact is averaged, in seconds. It is assumed: a real hand with fingers that yield
+/// takes about so long to stop an object, and the arena's rigid ones do it in one step.
 const CONTACT_S: f64 = 5e-3;
 
 /// Impulse of the object on the gripper and the arm in the first 20 ms after the first contact.
