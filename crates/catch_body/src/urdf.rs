@@ -24,87 +24,44 @@ const EXPECTED: &str = "a URDF description of a robot";
 pub const HARMLESS: Harmless = &[
     (
         "robot",
-        &[
-            "material",
-            "gazebo",
-            "transmission",
-            "ros2_control",
-            "sensor",
-            "mujoco",
-            "frame",
-            "create",
-            "parameter",
-            "collision_filter_group",
-            "RefLink",
-            "@version",
-            "@xsi:schemaLocation",
-        ],
+        "material gazebo transmission ros2_control sensor mujoco frame create parameter \
+         collision_filter_group RefLink @version @xsi:schemaLocation",
     ),
-    ("transmission", &["*", "@*"]),
-    ("actuator", &["*", "@*"]),
+    ("transmission", "* @*"),
+    ("actuator", "* @*"),
     (
         "link",
-        &[
-            "sensor",
-            "gazebo",
-            "self_collision_checking",
-            "collision_checking",
-            "self_filter",
-            "kinematic",
-            "surface",
-            "gravity",
-            "origin",
-            "audio_source",
-            "@type",
-            "@concave",
-        ],
+        "sensor gazebo self_collision_checking collision_checking self_filter kinematic surface gravity \
+         origin audio_source @type @concave",
     ),
-    ("visual", &["material", "texture", "meta", "gazebo", "@name", "@group"]),
-    ("collision", &["material", "verbose", "contact_coefficients", "gazebo", "@name", "@group", "@concave"]),
-    ("contact", &["*", "@*"]),
-    ("lateral_friction", &["@*"]),
-    ("inertial", &["@name"]),
-    ("mesh", &["@name"]),
+    ("visual", "material texture meta gazebo @name @group"),
+    ("collision", "material verbose contact_coefficients gazebo @name @group @concave"),
+    ("contact", "* @*"),
+    ("lateral_friction", "@*"),
+    ("inertial", "@name"),
+    ("mesh", "@name"),
     (
         "joint",
-        &[
-            "calibration",
-            "hardwareInterface",
-            "gazebo",
-            "sensor",
-            "traits",
-            "controller_gains",
-            "anchor",
-            "joint_properties",
-            "@dont_collapse",
-        ],
+        "calibration hardwareInterface gazebo sensor traits controller_gains anchor joint_properties \
+         @dont_collapse",
     ),
-    ("axis", &["@rpy"]),
-    ("geometry", &["@name"]),
-    ("inertia", &["@iyx", "@izx", "@izy"]),
-    ("dynamics", &["@D", "@K", "@mu_coulomb", "@mu_viscous", "@friction", "@spring_reference", "@spring_stiffness"]),
-    ("safety_controller", &["@k_position", "@k_velocity"]),
-    ("mimic", &["@multiplier", "@offset"]),
-    ("limit", &["@current", "@k_position", "@k_velocity"]),
+    ("axis", "@rpy"),
+    ("geometry", "@name"),
+    ("inertia", "@iyx @izx @izy"),
+    ("dynamics", "@D @K @mu_coulomb @mu_viscous @friction @spring_reference @spring_stiffness"),
+    ("safety_controller", "@k_position @k_velocity"),
+    ("mimic", "@multiplier @offset"),
+    ("limit", "@current @k_position @k_velocity"),
     (
         "*",
-        &[
-            "drake:proximity_properties",
-            "drake:perception_properties",
-            "drake:accepting_renderer",
-            "drake:diffuse_map",
-            "drake:collision_filter_group",
-            "drake:declare_convex",
-        ],
+        "drake:proximity_properties drake:perception_properties drake:accepting_renderer drake:diffuse_map \
+         drake:collision_filter_group drake:declare_convex",
     ),
 ];
 
 /// Names of what `robot.toml` states in place of the URDF, and of what needs no shape beside its capsules.
-pub const IN_TOML: Harmless = &[
-    ("link", &["visual", "collision", "contact", "inertial"]),
-    ("joint", &["limit"]),
-    ("limit", &["@lower", "@upper", "@velocity", "@effort"]),
-];
+pub const IN_TOML: Harmless =
+    &[("link", "visual collision contact inertial"), ("joint", "limit"), ("limit", "@lower @upper @velocity @effort")];
 
 /// Parses a URDF file; `file` names it in errors.
 ///

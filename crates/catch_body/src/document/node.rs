@@ -188,11 +188,11 @@ impl<'d> Node<'d> {
 
     pub(super) fn is_harmless(self, harmless: Harmless) -> bool {
         let above = self.above().map_or("", |it| &self.document.names[it.kind() as usize]);
-        let is_this = |name: &&str| match name.strip_prefix('@') {
+        let is_this = |name: &str| match name.strip_prefix('@') {
             Some(attribute) => self.part().is_attribute && (attribute == "*" || attribute == self.name()),
-            None => !self.part().is_attribute && (*name == "*" || *name == self.name()),
+            None => !self.part().is_attribute && (name == "*" || name == self.name()),
         };
-        harmless.iter().any(|(parent, names)| (*parent == "*" || *parent == above) && names.iter().any(&is_this))
+        harmless.iter().any(|(parent, names)| (*parent == "*" || *parent == above) && names.split(' ').any(is_this))
     }
 
     /// Fault of a part that nobody asked for: states what would be read in its place.

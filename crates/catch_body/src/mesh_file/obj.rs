@@ -6,45 +6,9 @@ use super::{MOST_TRIANGLES, Soup};
 use crate::InputError;
 
 /// Keywords of colours, textures, lines, points and curves: none of them is a surface.
-const HARMLESS: [&str; 37] = [
-    "vt",
-    "vn",
-    "vp",
-    "s",
-    "usemtl",
-    "usemap",
-    "mtllib",
-    "maplib",
-    "mg",
-    "l",
-    "p",
-    "cstype",
-    "deg",
-    "bmat",
-    "step",
-    "curv",
-    "curv2",
-    "parm",
-    "trim",
-    "hole",
-    "scrv",
-    "sp",
-    "end",
-    "con",
-    "bevel",
-    "c_interp",
-    "d_interp",
-    "lod",
-    "shadow_obj",
-    "trace_obj",
-    "ctech",
-    "stech",
-    "bzp",
-    "bsp",
-    "cdc",
-    "cdp",
-    "res",
-];
+const HARMLESS: &str = "vt vn vp s usemtl usemap mtllib maplib mg l p cstype deg bmat step curv curv2 \
+    parm trim hole scrv sp end con bevel c_interp d_interp lod shadow_obj trace_obj ctech stech bzp bsp cdc \
+    cdp res";
 
 /// Vertices and triangles of each object or group that has a face; polygons are cut into fans.
 pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Vec<Soup>, InputError> {
@@ -109,7 +73,7 @@ impl Reader {
                 self.close_group();
                 Ok(())
             }
-            Some(keyword) if HARMLESS.contains(&keyword) => Ok(()),
+            Some(keyword) if HARMLESS.split(' ').any(|it| it == keyword) => Ok(()),
             Some(_) => Err("a Wavefront OBJ mesh: v, f, o, g and what is no surface".into()),
         }
     }

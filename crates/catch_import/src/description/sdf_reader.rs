@@ -29,91 +29,29 @@ const FRICTION: Quantity = Quantity { least: -f64::MAX, most: f64::MAX, unit: ""
 
 /// Names that only place, move, draw or sense; friction is found within `<surface>`.
 const HARMLESS: Harmless = &[
-    ("sdf", &["@version", "light"]),
+    ("sdf", "@version light"),
     (
         "world",
-        &[
-            "@name",
-            "physics",
-            "scene",
-            "light",
-            "gravity",
-            "magnetic_field",
-            "atmosphere",
-            "wind",
-            "plugin",
-            "gui",
-            "audio",
-            "spherical_coordinates",
-            "state",
-            "road",
-            "population",
-            "joint",
-            "frame",
-        ],
+        "@name physics scene light gravity magnetic_field atmosphere wind plugin gui audio \
+         spherical_coordinates state road population joint frame",
     ),
     (
         "model",
-        &[
-            "static",
-            "self_collide",
-            "allow_auto_disable",
-            "enable_wind",
-            "pose",
-            "joint",
-            "frame",
-            "plugin",
-            "gripper",
-            "@canonical_link",
-            "@placement_frame",
-            "drake:joint",
-            "drake:collision_filter_group",
-        ],
+        "static self_collide allow_auto_disable enable_wind pose joint frame plugin gripper @canonical_link \
+         @placement_frame drake:joint drake:collision_filter_group",
     ),
     (
         "link",
-        &[
-            "gravity",
-            "enable_wind",
-            "self_collide",
-            "kinematic",
-            "must_be_base_link",
-            "velocity_decay",
-            "pose",
-            "sensor",
-            "light",
-            "audio_source",
-            "audio_sink",
-            "battery",
-            "projector",
-            "particle_emitter",
-            "plugin",
-        ],
+        "gravity enable_wind self_collide kinematic must_be_base_link velocity_decay pose sensor light \
+         audio_source audio_sink battery projector particle_emitter plugin",
     ),
-    (
-        "visual",
-        &[
-            "@name",
-            "material",
-            "cast_shadows",
-            "laser_retro",
-            "transparency",
-            "visibility_flags",
-            "meta",
-            "plugin",
-            "lod",
-        ],
-    ),
-    ("collision", &["@name", "@concave", "laser_retro", "max_contacts", "surface"]),
-    ("mesh", &["@optimization", "convex_decomposition", "drake:declare_convex"]),
+    ("visual", "@name material cast_shadows laser_retro transparency visibility_flags meta plugin lod"),
+    ("collision", "@name @concave laser_retro max_contacts surface"),
+    ("mesh", "@optimization convex_decomposition drake:declare_convex"),
     (
         "*",
-        &[
-            "drake:proximity_properties",
-            "drake:perception_properties",
-            "drake:illustration_properties",
-            "drake:accepting_renderer",
-        ],
+        "drake:proximity_properties drake:perception_properties drake:illustration_properties \
+         drake:accepting_renderer",
     ),
 ];
 

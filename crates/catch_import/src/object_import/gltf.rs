@@ -34,31 +34,15 @@ const NUMBER: Quantity = Quantity { least: -1e12, most: 1e12, unit: "" };
 
 /// Names that draw, move or describe a mesh.
 const HARMLESS: Harmless = &[
-    (
-        "",
-        &[
-            "asset",
-            "materials",
-            "textures",
-            "images",
-            "samplers",
-            "cameras",
-            "animations",
-            "extensionsUsed",
-            "extensions",
-        ],
-    ),
-    ("nodes", &["camera"]),
-    ("primitives", &["material"]),
-    (
-        "attributes",
-        &["NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "TEXCOORD_2", "TEXCOORD_3", "COLOR_0", "COLOR_1"],
-    ),
-    ("targets", &["NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "COLOR_0"]),
-    ("accessors", &["min", "max", "normalized"]),
-    ("bufferViews", &["target"]),
-    ("extensions", &["KHR_materials_variants", "KHR_lights_punctual", "MSFT_lod", "KHR_node_visibility"]),
-    ("*", &["name", "extras"]),
+    ("", "asset materials textures images samplers cameras animations extensionsUsed extensions"),
+    ("nodes", "camera"),
+    ("primitives", "material"),
+    ("attributes", "NORMAL TANGENT TEXCOORD_0 TEXCOORD_1 TEXCOORD_2 TEXCOORD_3 COLOR_0 COLOR_1"),
+    ("targets", "NORMAL TANGENT TEXCOORD_0 TEXCOORD_1 COLOR_0"),
+    ("accessors", "min max normalized"),
+    ("bufferViews", "target"),
+    ("extensions", "KHR_materials_variants KHR_lights_punctual MSFT_lod KHR_node_visibility"),
+    ("*", "name extras"),
 ];
 /// Required extensions of materials, textures and lights.
 const OF_MATERIALS: [&str; 5] = ["KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "ADOBE_materials_"];

@@ -34,7 +34,7 @@ pub struct JointLimitFields {
 
 /// Names that do not concern a joint's limits.
 const HARMLESS: Harmless =
-    &[("", &["default_velocity_scaling_factor", "default_acceleration_scaling_factor", "cartesian_limits"])];
+    &[("", "default_velocity_scaling_factor default_acceleration_scaling_factor cartesian_limits")];
 
 /// Limits by the names of their joints, wherever in the document `joint_limits` stands.
 ///

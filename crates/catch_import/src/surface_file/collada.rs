@@ -31,49 +31,29 @@ const METRES: Quantity = Quantity { least: 1e-9, most: 1e9, unit: "m" };
 const HARMLESS: Harmless = &[
     (
         "COLLADA",
-        &[
-            "@version",
-            "@base",
-            "library_animations",
-            "library_animation_clips",
-            "library_cameras",
-            "library_controllers",
-            "library_effects",
-            "library_force_fields",
-            "library_images",
-            "library_lights",
-            "library_materials",
-            "library_physics_materials",
-            "library_physics_models",
-            "library_physics_scenes",
-            "library_kinematics_models",
-            "library_kinematics_scenes",
-            "library_joints",
-            "library_articulated_systems",
-            "library_formulas",
-        ],
+        "@version @base library_animations library_animation_clips library_cameras library_controllers \
+         library_effects library_force_fields library_images library_lights library_materials \
+         library_physics_materials library_physics_models library_physics_scenes library_kinematics_models \
+         library_kinematics_scenes library_joints library_articulated_systems library_formulas",
     ),
-    (
-        "asset",
-        &["contributor", "created", "keywords", "modified", "revision", "subject", "title", "up_axis", "coverage"],
-    ),
-    ("unit", &["@name"]),
-    ("scene", &["instance_physics_scene", "instance_kinematics_scene"]),
-    ("visual_scene", &["evaluate_scene"]),
-    ("node", &["@type", "@layer", "instance_camera", "instance_light"]),
-    ("instance_geometry", &["bind_material"]),
-    ("mesh", &["lines", "linestrips"]),
-    ("source", &["technique", "Name_array", "bool_array", "IDREF_array"]),
-    ("float_array", &["@count", "@digits", "@magnitude"]),
-    ("accessor", &["@count", "@source"]),
+    ("asset", "contributor created keywords modified revision subject title up_axis coverage"),
+    ("unit", "@name"),
+    ("scene", "instance_physics_scene instance_kinematics_scene"),
+    ("visual_scene", "evaluate_scene"),
+    ("node", "@type @layer instance_camera instance_light"),
+    ("instance_geometry", "bind_material"),
+    ("mesh", "lines linestrips"),
+    ("source", "technique Name_array bool_array IDREF_array"),
+    ("float_array", "@count @digits @magnitude"),
+    ("accessor", "@count @source"),
     ("triangles", POLYGONS),
     ("polylist", POLYGONS),
     ("polygons", POLYGONS),
     ("tristrips", POLYGONS),
     ("trifans", POLYGONS),
-    ("*", &["extra", "asset", "@id", "@sid", "@name", "@xsi:schemaLocation"]),
+    ("*", "extra asset @id @sid @name @xsi:schemaLocation"),
 ];
-const POLYGONS: &[&str] = &["@count", "@material"];
+const POLYGONS: &str = "@count @material";
 
 /// Vertices in metres and triangles of all geometries of a file.
 pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
