@@ -91,6 +91,8 @@ impl InputError {
                 "a boolean" => "true or false",
                 "a string" => "text in quotes",
                 "a sequence" => "a list",
+                "newtype variant" | "struct variant" => "a table with it and what belongs to it",
+                "unit" => "its name alone, in quotes",
                 kind => kind,
             },
         }

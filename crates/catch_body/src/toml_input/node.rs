@@ -1,10 +1,10 @@
 //! A TOML value as serde's data model, strictly.
 
 use serde::de::{
-    DeserializeSeed, Deserializer, EnumAccess, Error, IntoDeserializer, MapAccess, SeqAccess, VariantAccess, Visitor,
-    value::StrDeserializer,
+    DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor,
+    value::{MapAccessDeserializer, StrDeserializer},
 };
-use toml::Value;
+use toml::{Table, Value};
 
 use super::{Fault, FaultKind, Step, one_of};
 
@@ -34,7 +34,7 @@ impl<'de> Deserializer<'de> for Node<'de> {
                 let expected = format!("a list of {}", elements.next);
                 if elements.next < list.len() { Err(Fault::new("", expected, FaultKind::Other)) } else { Ok(read) }
             }
-            Value::Table(table) => visitor.visit_map(Entries { entries: table.iter(), value: None }),
+            Value::Table(table) => visitor.visit_map(Entries::of(table)),
         }
     }
 
@@ -46,14 +46,18 @@ impl<'de> Deserializer<'de> for Node<'de> {
         visitor.visit_newtype_struct(self)
     }
 
+    fn deserialize_map<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
+        // A list would be taken for the fields in their order, an empty one for all defaults.
+        if self.0.is_array() { Err(Fault::new("", "a table", FaultKind::Other)) } else { self.deserialize_any(visitor) }
+    }
+
     fn deserialize_struct<V: Visitor<'de>>(
         self,
         _: &'static str,
         _: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, Fault> {
-        // A list would be taken for the fields in their order, an empty one for all defaults.
-        if self.0.is_array() { Err(Fault::new("", "a table", FaultKind::Other)) } else { self.deserialize_any(visitor) }
+        self.deserialize_map(visitor)
     }
 
     fn deserialize_enum<V: Visitor<'de>>(
@@ -63,10 +67,9 @@ impl<'de> Deserializer<'de> for Node<'de> {
         visitor: V,
     ) -> Result<V::Value, Fault> {
         match self.0 {
-            Value::String(variant) => visitor.visit_enum(Variant { variant, content: None }),
+            Value::String(variant) => visitor.visit_enum(StrDeserializer::new(variant)),
             Value::Table(table) if table.len() == 1 => {
-                let (variant, content) = table.iter().next().ok_or_else(|| Fault::custom("a variant"))?;
-                visitor.visit_enum(Variant { variant, content: Some(content) })
+                visitor.visit_enum(MapAccessDeserializer::new(Entries::of(table)))
             }
             _ => Err(Fault::new("", one_of(variants), FaultKind::Other)),
         }
@@ -74,7 +77,7 @@ impl<'de> Deserializer<'de> for Node<'de> {
 
     serde::forward_to_deserialize_any! {
         bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf unit unit_struct seq tuple
-        tuple_struct map identifier ignored_any
+        tuple_struct identifier ignored_any
     }
 }
 
@@ -103,6 +106,12 @@ struct Entries<'a> {
     value: Option<(&'a str, &'a Value)>,
 }
 
+impl<'a> Entries<'a> {
+    fn of(table: &'a Table) -> Self {
+        Self { entries: table.iter(), value: None }
+    }
+}
+
 impl<'de> MapAccess<'de> for Entries<'de> {
     type Error = Fault;
 
@@ -115,50 +124,5 @@ impl<'de> MapAccess<'de> for Entries<'de> {
     fn next_value_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<S::Value, Fault> {
         let (key, value) = self.value.take().ok_or_else(|| Fault::custom("a key before its value"))?;
         seed.deserialize(Node(value)).map_err(|fault| fault.within(Step::Key(key.to_owned())))
-    }
-}
-
-/// A variant by its name, with what belongs to it.
-struct Variant<'a> {
-    variant: &'a str,
-    content: Option<&'a Value>,
-}
-
-impl<'de> EnumAccess<'de> for Variant<'de> {
-    type Error = Fault;
-    type Variant = Self;
-
-    fn variant_seed<S: DeserializeSeed<'de>>(self, seed: S) -> Result<(S::Value, Self), Fault> {
-        Ok((seed.deserialize(IntoDeserializer::<Fault>::into_deserializer(self.variant))?, self))
-    }
-}
-
-impl<'de> Variant<'de> {
-    fn read<T>(self, read: impl FnOnce(Node<'de>) -> Result<T, Fault>) -> Result<T, Fault> {
-        let missing =
-            || Fault::new(format!("`{}` alone", self.variant), "what belongs to it: a table", FaultKind::Other);
-        let content = self.content.ok_or_else(missing)?;
-        read(Node(content)).map_err(|fault| fault.within(Step::Key(self.variant.to_owned())))
-    }
-}
-
-impl<'de> VariantAccess<'de> for Variant<'de> {
-    type Error = Fault;
-
-    fn unit_variant(self) -> Result<(), Fault> {
-        let expected = || Fault::new("", format!("`\"{}\"` alone", self.variant), FaultKind::Other);
-        if self.content.is_some() { Err(expected()) } else { Ok(()) }
-    }
-
-    fn newtype_variant_seed<S: DeserializeSeed<'de>>(self, seed: S) -> Result<S::Value, Fault> {
-        self.read(|content| seed.deserialize(content))
-    }
-
-    fn tuple_variant<V: Visitor<'de>>(self, _: usize, visitor: V) -> Result<V::Value, Fault> {
-        self.read(|content| content.deserialize_any(visitor))
-    }
-
-    fn struct_variant<V: Visitor<'de>>(self, fields: &'static [&'static str], visitor: V) -> Result<V::Value, Fault> {
-        self.read(|content| content.deserialize_struct("", fields, visitor))
     }
 }
