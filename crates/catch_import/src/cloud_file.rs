@@ -8,7 +8,10 @@ use nalgebra::{Point3, Vector3};
 
 use catch_recording::bounded_file::FileKind;
 
-use crate::surface_file::{PlyFile, triangles_from_bytes};
+use crate::{
+    row_numbers::{Encoding, Number, Numbers, split_header},
+    surface_file::{PlyFile, triangles_from_bytes},
+};
 
 /// Points and, where the file has them, the surface's outward normals there.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -42,20 +45,17 @@ pub fn parse(file: &str, bytes: &[u8], meshes: bool) -> Result<CloudFile, InputE
     let formats = formats(meshes);
     let extension = Path::new(file).extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
     let cloud = match extension.as_str() {
-        "ply" if !meshes || PlyFile::from_bytes(file, bytes)?.triangles.is_empty() => parse_ply(file, bytes)?,
+        "ply" => {
+            let ply = PlyFile::from_bytes(file, bytes)?;
+            if meshes && !ply.triangles.is_empty() {
+                of_mesh(file, &triangles_from_bytes(file, bytes)?.swap_remove(0))?
+            } else {
+                of_ply(file, &ply)?
+            }
+        }
         "pcd" => parse_pcd(file, bytes)?,
         "xyz" | "txt" | "csv" => parse_xyz(file, bytes)?,
-        "ply" | "obj" | "stl" if meshes => {
-            let mesh = if extension == "ply" {
-                triangles_from_bytes(file, bytes)?.swap_remove(0)
-            } else {
-                mesh_from_bytes(file, bytes, 1.0)?
-            };
-            let advice =
-                "a mesh in millimetres needs an object file with `scale = 0.001`, or `catchingbot object import`";
-            check_length(file, "the mesh", mesh.aabb().size.max(), advice)?;
-            on_surface(&mesh)
-        }
+        "obj" | "stl" if meshes => of_mesh(file, &mesh_from_bytes(file, bytes, 1.0)?)?,
         _ => return Err(InputError::new(file, "extension", format!("`{extension}`"), formats)),
     }
     .with_directions();
@@ -67,6 +67,12 @@ pub fn parse(file: &str, bytes: &[u8], meshes: bool) -> Result<CloudFile, InputE
 
 fn formats(meshes: bool) -> &'static str {
     if meshes { "a .ply, .pcd or .xyz cloud or an .obj, .stl or .ply mesh" } else { "a .ply, .pcd or .xyz cloud" }
+}
+
+fn of_mesh(file: &str, mesh: &TriangleMesh) -> Result<CloudFile, InputError> {
+    let advice = "a mesh in millimetres needs an object file with `scale = 0.001`, or `catchingbot object import`";
+    check_length(file, "the mesh", mesh.aabb().size.max(), advice)?;
+    Ok(on_surface(mesh))
 }
 
 /// Points laid evenly upon a mesh, by a grid on each triangle.
@@ -124,209 +130,18 @@ impl CloudFile {
     }
 }
 
-/// Type of a column's numbers in binary.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum NumberKind {
-    Float,
-    Signed,
-    Unsigned,
+/// The vertices of a PLY file.
+fn of_ply(file: &str, ply: &PlyFile) -> Result<CloudFile, InputError> {
+    let mut cloud = CloudFile { points: Vec::new(), normals: ply.normals.as_ref().map(|_| Vec::new()) };
+    for (i, place) in ply.vertices.iter().enumerate() {
+        let normal = ply.normals.as_ref().map(|it| it[i].into());
+        cloud.add((*place).into(), normal).map_err(|found| no_place(file, i, found))?;
+    }
+    Ok(cloud)
 }
 
-/// A column of a table of points.
-#[derive(Debug, Clone)]
-struct Column {
-    name: String,
-    bytes: usize,
-    kind: NumberKind,
-}
-
-impl Column {
-    fn value(&self, bytes: &[u8], big_endian: bool) -> Option<f64> {
-        let mut raw = [0; 8];
-        let bytes = bytes.get(..self.bytes)?;
-        raw[..self.bytes].copy_from_slice(bytes);
-        if big_endian {
-            raw[..self.bytes].reverse();
-        }
-        let unsigned = u64::from_le_bytes(raw);
-        Some(match (self.kind, self.bytes) {
-            (NumberKind::Float, 4) => f64::from(f32::from_bits(unsigned as u32)),
-            (NumberKind::Float, _) => f64::from_bits(unsigned),
-            (NumberKind::Signed, width) => {
-                let shift = 64 - 8 * width as u32;
-                (((unsigned << shift) as i64) >> shift) as f64
-            }
-            (NumberKind::Unsigned, _) => unsigned as f64,
-        })
-    }
-}
-
-/// A table of points, after its header.
-struct Table<'a> {
-    file: &'a str,
-    columns: Vec<Column>,
-    rows: usize,
-    /// True if more may follow the rows: other elements than points.
-    more_follows: bool,
-    /// Line of the file at which the body begins, counted from one.
-    first_line: usize,
-    body: &'a [u8],
-}
-
-impl Table<'_> {
-    fn fault(&self, field: impl Into<String>, found: impl std::fmt::Display, expected: &str) -> InputError {
-        InputError::new(self.file, field.into(), found.to_string(), expected.to_owned())
-    }
-
-    fn too_few(&self, complete: usize) -> InputError {
-        self.fault("rows", complete, &format!("the {} of the header", self.rows))
-    }
-
-    fn column(&self, name: &str) -> Option<usize> {
-        self.columns.iter().position(|column| column.name == name)
-    }
-
-    /// The cloud, its numbers being text or of the given byte order.
-    fn read(&self, binary: Option<bool>) -> Result<CloudFile, InputError> {
-        let place = |name: &str| {
-            self.column(name)
-                .ok_or_else(|| self.fault("header", format!("no `{name}`"), "columns x, y and z in metres"))
-        };
-        let xyz = [place("x")?, place("y")?, place("z")?];
-        let either = |one: &str, two: &str| self.column(one).or_else(|| self.column(two));
-        let normal = [either("nx", "normal_x"), either("ny", "normal_y"), either("nz", "normal_z")];
-        let normal = if let [Some(x), Some(y), Some(z)] = normal { Some([x, y, z]) } else { None };
-        let mut cloud = CloudFile { points: Vec::new(), normals: normal.map(|_| Vec::new()) };
-        let mut add = |field: &dyn Fn() -> String, values: &[f64]| {
-            let p = Point3::from(xyz.map(|i| values[i]));
-            let n = normal.map(|of| Vector3::from(of.map(|i| values[i])));
-            cloud.add(p, n).map_err(|found| self.fault(field(), found, "a coordinate in metres"))
-        };
-        match binary {
-            None => self.read_text(&mut add)?,
-            Some(big_endian) => self.read_binary(big_endian, &mut add)?,
-        }
-        Ok(cloud)
-    }
-
-    /// Hands over the numbers of each row, with a name for its place.
-    fn read_text(&self, add: &mut AddRow<'_>) -> Result<(), InputError> {
-        let mut values = vec![0.0; self.columns.len()];
-        let text = String::from_utf8_lossy(self.body);
-        let numbered = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-        let mut lines = numbered.map(|(i, line)| (self.first_line + i, line));
-        for row in 0..self.rows {
-            let (number, line) = lines.next().ok_or_else(|| self.too_few(row))?;
-            let field = || format!("line {number}");
-            let mut cells = line.split_whitespace();
-            for (value, column) in values.iter_mut().zip(&self.columns) {
-                let cell = cells.next().unwrap_or_default();
-                let expected = format!("a number: the {}", column.name);
-                *value = cell.parse().map_err(|_| self.fault(field(), format!("`{cell}`"), &expected))?;
-            }
-            if cells.next().is_some() {
-                let expected = format!("{} numbers, as the header says", self.columns.len());
-                return Err(self.fault(field(), format!("`{line}`"), &expected));
-            }
-            add(&field, &values)?;
-        }
-        match lines.next().filter(|_| !self.more_follows) {
-            None => Ok(()),
-            Some((number, line)) => {
-                let expected = format!("no more than the {} rows of the header", self.rows);
-                Err(self.fault(format!("line {number}"), format!("`{line}`"), &expected))
-            }
-        }
-    }
-
-    /// Reads rows of numbers in binary.
-    fn read_binary(&self, big_endian: bool, add: &mut AddRow<'_>) -> Result<(), InputError> {
-        let mut values = vec![0.0; self.columns.len()];
-        let stride: usize = self.columns.iter().map(|column| column.bytes).sum();
-        let complete = self.body.len() / stride.max(1);
-        if complete < self.rows {
-            return Err(self.too_few(complete));
-        }
-        let more = self.body.len() - stride * self.rows;
-        if !self.more_follows && more > 0 {
-            let expected = format!("no more than the {} rows of the header", self.rows);
-            return Err(self.fault("rows", format!("{more} bytes more"), &expected));
-        }
-        for row in 0..self.rows {
-            let mut at = row * stride;
-            for (value, column) in values.iter_mut().zip(&self.columns) {
-                let bytes = self.body.get(at..).and_then(|bytes| column.value(bytes, big_endian));
-                *value = bytes.ok_or_else(|| self.too_few(row))?;
-                at += column.bytes;
-            }
-            add(&|| format!("row {}", row + 1), &values)?;
-        }
-        Ok(())
-    }
-}
-
-/// Takes the numbers of a row; the first function names its place.
-type AddRow<'a> = dyn FnMut(&dyn Fn() -> String, &[f64]) -> Result<(), InputError> + 'a;
-
-/// Splits the header, up to and with the first line for which `is_last` holds, from the rest.
-fn split_header(bytes: &[u8], is_last: impl Fn(&str) -> bool) -> Option<(Vec<String>, &[u8])> {
-    let (mut lines, mut at) = (Vec::new(), 0);
-    while let Some(length) = bytes[at..].iter().take(10_000).position(|&byte| byte == b'\n') {
-        let line = String::from_utf8_lossy(&bytes[at..at + length]).trim().to_owned();
-        at += length + 1;
-        let last = is_last(&line);
-        lines.push(line);
-        if last {
-            return Some((lines, &bytes[at..]));
-        }
-    }
-    None
-}
-
-fn parse_ply(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
-    let fault = |field: &str, found: &str, expected: &str| InputError::new(file, field, found, expected);
-    let header = split_header(bytes, |line| line == "end_header").filter(|(lines, _)| lines[0] == "ply");
-    let (lines, body) = header.ok_or_else(|| fault("header", "no PLY header", "`ply` … `end_header`"))?;
-    let (mut columns, mut rows, mut format, mut in_vertices) = (Vec::new(), None, None, false);
-    let mut more_follows = false;
-    for line in &lines {
-        match line.split_whitespace().collect::<Vec<_>>()[..] {
-            ["format", kind, _] => format = Some(kind.to_owned()),
-            ["element", "vertex", _] if rows.is_some() => return Err(fault("element vertex", "a second one", "one")),
-            ["element", "vertex", count] => {
-                let count = count.parse().map_err(|_| fault("element vertex", count, "a number of points"))?;
-                (rows, in_vertices) = (Some(count), true);
-            }
-            ["element", ..] if rows.is_none() => {
-                return Err(fault("element", line, "`element vertex` before all others"));
-            }
-            ["element", ..] => (in_vertices, more_follows) = (false, true),
-            ["property", "list", ..] if in_vertices => return Err(fault("property", line, "no lists in a vertex")),
-            ["property", kind, name] if in_vertices => {
-                let (kind, bytes) = match kind {
-                    "char" | "int8" => (NumberKind::Signed, 1),
-                    "uchar" | "uint8" => (NumberKind::Unsigned, 1),
-                    "short" | "int16" => (NumberKind::Signed, 2),
-                    "ushort" | "uint16" => (NumberKind::Unsigned, 2),
-                    "int" | "int32" => (NumberKind::Signed, 4),
-                    "uint" | "uint32" => (NumberKind::Unsigned, 4),
-                    "float" | "float32" => (NumberKind::Float, 4),
-                    "double" | "float64" => (NumberKind::Float, 8),
-                    _ => return Err(fault("property", kind, "char, short, int, float or double")),
-                };
-                columns.push(Column { name: name.to_owned(), bytes, kind });
-            }
-            _ => {}
-        }
-    }
-    let binary = match format.as_deref() {
-        Some("ascii") => None,
-        Some("binary_little_endian") => Some(false),
-        Some("binary_big_endian") => Some(true),
-        other => return Err(fault("format", other.unwrap_or("none"), "ascii or binary")),
-    };
-    let rows = rows.ok_or_else(|| fault("header", "no vertices", "`element vertex N`"))?;
-    Table { file, columns, rows, more_follows, first_line: lines.len() + 1, body }.read(binary)
+fn no_place(file: &str, row: usize, found: String) -> InputError {
+    InputError::new(file, format!("point {}", row + 1), found, "a coordinate in metres")
 }
 
 /// Numbers of one column of a PCD file at most.
@@ -335,7 +150,7 @@ const MOST_COUNT: usize = 1024;
 fn parse_pcd(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
     let fault = |field: &str, found: &str, expected: &str| InputError::new(file, field, found, expected);
     let header = split_header(bytes, |line| line.starts_with("DATA"));
-    let (lines, body) = header.ok_or_else(|| fault("header", "no PCD header", "`FIELDS` … `DATA`"))?;
+    let (lines, at) = header.ok_or_else(|| fault("header", "no PCD header", "`FIELDS` … `DATA`"))?;
     let entry = |key: &str| -> Vec<&str> {
         let line = lines.iter().find(|line| line.split_whitespace().next() == Some(key));
         line.map(|line| line.split_whitespace().skip(1).collect()).unwrap_or_default()
@@ -344,15 +159,23 @@ fn parse_pcd(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
     if names.len() != sizes.len() || names.len() != kinds.len() {
         return Err(fault("FIELDS, SIZE, TYPE", "different lengths", "one entry each per column"));
     }
-    let mut columns = Vec::new();
+    let mut columns: Vec<(&str, Number)> = Vec::new();
     for (i, name) in names.iter().enumerate() {
-        let bytes = sizes[i].parse().ok().filter(|bytes| matches!(bytes, 1 | 2 | 4 | 8));
-        let bytes = bytes.ok_or_else(|| fault("SIZE", sizes[i], "1, 2, 4 or 8"))?;
-        let kind = match (kinds[i], bytes) {
-            ("F", 4 | 8) => NumberKind::Float,
-            ("I", _) => NumberKind::Signed,
-            ("U", _) => NumberKind::Unsigned,
-            (kind, _) => return Err(fault("TYPE", &format!("{kind} of {bytes} bytes"), "F of 4 or 8 bytes, I or U")),
+        let kind = match (kinds[i], sizes[i]) {
+            ("F", "4") => Number::F32,
+            ("F", "8") => Number::F64,
+            ("I", "1") => Number::I8,
+            ("I", "2") => Number::I16,
+            ("I", "4") => Number::I32,
+            ("I", "8") => Number::I64,
+            ("U", "1") => Number::U8,
+            ("U", "2") => Number::U16,
+            ("U", "4") => Number::U32,
+            ("U", "8") => Number::U64,
+            (kind, bytes) => {
+                let found = format!("{kind} of {bytes} bytes");
+                return Err(fault("TYPE", &found, "F of 4 or 8 bytes, I or U of 1, 2, 4 or 8"));
+            }
         };
         let count = counts.get(i).copied().unwrap_or("1");
         let count = count
@@ -360,7 +183,7 @@ fn parse_pcd(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
             .ok()
             .filter(|count| (1..=MOST_COUNT).contains(count))
             .ok_or_else(|| fault("COUNT", count, &format!("1 to {MOST_COUNT}")))?;
-        columns.extend((0..count).map(|_| Column { name: (*name).to_owned(), bytes, kind }));
+        columns.extend(std::iter::repeat_n((*name, kind), count));
     }
     if !counts.is_empty() && counts.len() != names.len() {
         return Err(fault("COUNT", &format!("{} entries", counts.len()), "one entry per column"));
@@ -368,12 +191,37 @@ fn parse_pcd(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
     let points = entry("POINTS");
     let rows = points.first().and_then(|count| count.parse().ok());
     let rows = rows.ok_or_else(|| fault("POINTS", points.first().unwrap_or(&"none"), "a number of points"))?;
-    let table = Table { file, columns, rows, more_follows: false, first_line: lines.len() + 1, body };
-    match entry("DATA")[..] {
-        ["ascii"] => table.read(None),
-        ["binary"] => table.read(Some(false)),
-        _ => Err(fault("DATA", &format!("`{}`", entry("DATA").join(" ")), "ascii or binary, not compressed")),
+    let encoding = match entry("DATA")[..] {
+        ["ascii"] => Encoding::Text,
+        ["binary"] => Encoding::LittleEndian,
+        _ => {
+            let found = format!("`{}`", entry("DATA").join(" "));
+            return Err(fault("DATA", &found, "ascii or binary, not compressed"));
+        }
+    };
+    points_in_columns(Numbers { file, encoding, bytes, at }, &columns, rows)
+}
+
+/// The points of a table; columns are known by their names.
+fn points_in_columns(mut numbers: Numbers, columns: &[(&str, Number)], rows: usize) -> Result<CloudFile, InputError> {
+    let column = |name: &str| columns.iter().position(|it| it.0 == name);
+    let [Some(x), Some(y), Some(z)] = ["x", "y", "z"].map(column) else {
+        return Err(InputError::new(numbers.file, "header", "no x, y or z", "columns x, y and z in metres"));
+    };
+    let normal = ["x", "y", "z"].map(|axis| column(&format!("n{axis}")).or_else(|| column(&format!("normal_{axis}"))));
+    let normal = if let [Some(x), Some(y), Some(z)] = normal { Some([x, y, z]) } else { None };
+    let mut cloud = CloudFile { points: Vec::new(), normals: normal.map(|_| Vec::new()) };
+    let mut values = vec![0.0; columns.len()];
+    for row in 0..rows {
+        for (value, (_, kind)) in values.iter_mut().zip(columns) {
+            *value = numbers.next(*kind).ok_or_else(|| numbers.missing("points", row, rows))?;
+        }
+        let normal = normal.map(|of| of.map(|i| values[i]).into());
+        let place = [x, y, z].map(|i| values[i]).into();
+        cloud.add(place, normal).map_err(|found| no_place(numbers.file, row, found))?;
     }
+    numbers.finish()?;
+    Ok(cloud)
 }
 
 /// Lines of x y z; what follows on a line, such as a colour, is left out, and one line of words may stand
@@ -415,13 +263,17 @@ mod tests {
     #[test]
     fn all_formats_give_the_same_points() {
         let expected = [Point3::new(1.0, 2.0, 3.0)];
-        assert_eq!(parse_ply("a.ply", PLY.as_bytes()).unwrap().points, expected);
+        assert_eq!(parse("a.ply", PLY.as_bytes(), false).unwrap().points, expected);
         let header = PLY.replace("ascii", "binary_little_endian");
         let mut bytes = header.split_once("1 2 3").unwrap().0.as_bytes().to_vec();
         for value in [1.0f32, 2.0, 3.0, 4.0, 5.0, f32::NAN] {
             bytes.extend(value.to_le_bytes());
         }
-        assert_eq!(parse_ply("b.ply", &bytes).unwrap().points, expected);
+        bytes.push(3);
+        for corner in [0i32, 1, 1] {
+            bytes.extend(corner.to_le_bytes());
+        }
+        assert_eq!(parse("b.ply", &bytes, false).unwrap().points, expected);
         assert_eq!(parse_pcd("c.pcd", PCD.as_bytes()).unwrap().points, expected);
         assert_eq!(parse_xyz("d.xyz", b"x y z\n1 2 3\n").unwrap().points, expected);
     }
@@ -429,25 +281,22 @@ mod tests {
     #[test]
     fn broken_files_are_named() {
         for (fault, expected) in [
-            (parse_ply("a.ply", b"solid"), "a.ply: header"),
+            (parse("a.ply", b"solid", false), "a.ply: header"),
+            (parse("a.ply", PLY.replace("1 2 3", "1 b 3").as_bytes(), false), "line 10: found `b`, expected a number"),
+            (parse("a.ply", PLY.replace("1 2 3", "1 2 3 4").as_bytes(), false), "rows of face: found 0"),
+            (parse("a.ply", PLY.replace("1 2 3", "1 2 1e300").as_bytes(), false), "point 1: found 1e300"),
             (
-                parse_ply("a.ply", PLY.replace("1 2 3", "1 b 3").as_bytes()),
-                "line 10: found `b`, expected a number: the y",
-            ),
-            (parse_ply("a.ply", PLY.replace("1 2 3", "1 2 3 4").as_bytes()), "line 10: found `1 2 3 4`"),
-            (parse_ply("a.ply", PLY.replace("1 2 3", "1 2 1e300").as_bytes()), "line 10: found 1e300"),
-            (
-                parse_ply("a.ply", (NO_FACES.to_owned() + "7 8 9\n").as_bytes()),
-                "line 9: found `7 8 9`, expected no more",
+                parse("a.ply", (NO_FACES.to_owned() + "7 8 9\n").as_bytes(), false),
+                "line 9: found `7`, expected no more",
             ),
             (parse_pcd("c.pcd", PCD.replace("TYPE F F F", "TYPE F Q F").as_bytes()), "TYPE: found Q of 4 bytes"),
             (parse_pcd("c.pcd", PCD.replace("COUNT 1 1 1", "COUNT 1 -1 1").as_bytes()), "COUNT: found -1"),
             (parse_pcd("c.pcd", PCD.replace("POINTS 2", "POINTS two").as_bytes()), "POINTS: found two"),
             (parse_xyz("d.xyz", b"a b c\nd e f\n1 2 3\n"), "line 2: found `d e f`"),
-            (parse_ply("a.ply", PLY.replace("vertex 2", "vertex 9").as_bytes()), "line 12: found `3 0 1 1`"),
+            (parse("a.ply", PLY.replace("vertex 2", "vertex 9").as_bytes(), false), "rows of vertex: found 3"),
             (
-                parse_ply("a.ply", NO_FACES.replace("vertex 1", "vertex 9").as_bytes()),
-                "rows: found 1, expected the 9 of the header",
+                parse("a.ply", NO_FACES.replace("vertex 1", "vertex 9").as_bytes(), false),
+                "rows of vertex: found 1, expected the 9 of the header",
             ),
             (parse_pcd("c.pcd", b"DATA binary_compressed\n"), "POINTS"),
             (parse_xyz("d.xyz", b"1 2 3\n1 2\n"), "line 2"),

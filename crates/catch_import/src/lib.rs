@@ -20,6 +20,7 @@ mod registration_evidence;
 mod robot_check;
 pub mod robot_import;
 pub mod ros_calibration;
+mod row_numbers;
 pub mod surface_file;
 pub mod templates;
 mod yaml;

@@ -11,7 +11,7 @@ use crate::{
     mesh_files::{MeshFiles, located},
     mesh_paths::resolve,
     model_of_mujoco,
-    surface_file::triangles_from_bytes,
+    surface_file::{PlyFile, triangles_from_bytes},
 };
 use catch_body::{InputError, TriangleMesh, document::root_element, quantity, robot::Inertia};
 use nalgebra::{Point3, Vector3};
@@ -47,9 +47,6 @@ const MESH: FileKind = FileKind {
     expected: "a mesh: .obj, .stl, .ply, .dae, .gltf or .glb, or a cloud: .ply, .pcd or .xyz",
     most_bytes: 64 << 20,
 };
-
-/// The head of a PLY file is no longer.
-const MOST_HEADER_BYTES: usize = 100_000;
 
 /// Source of an object, as it was found.
 #[derive(Debug, Clone, Default)]
@@ -286,14 +283,7 @@ fn chosen<'a>(description: &'a Description, named: Option<&str>) -> Result<(&'a 
 fn is_cloud(path: &Path, bytes: &[u8]) -> bool {
     match ending(path).as_str() {
         "pcd" | "xyz" => true,
-        "ply" => {
-            let head = String::from_utf8_lossy(&bytes[..bytes.len().min(MOST_HEADER_BYTES)]);
-            let mut lines = head.lines().take_while(|it| it.trim() != "end_header");
-            !lines.any(|it| {
-                let words: Vec<&str> = it.split_whitespace().collect();
-                matches!(words[..], ["element", "face" | "tristrips", count] if count != "0")
-            })
-        }
+        "ply" => PlyFile::from_bytes("", bytes).is_ok_and(|it| it.triangles.is_empty()),
         _ => false,
     }
 }

@@ -1,15 +1,13 @@
 //! Reads PLY files, text or binary: vertices, their normals, and the polygons between them.
 
-use std::ops::Range;
-
 use catch_body::{InputError, mesh_file::MOST_TRIANGLES};
+
+use crate::row_numbers::{Encoding, Number, Numbers, split_header};
 
 /// Elements of one kind at most.
 const MOST_ROWS: usize = 20_000_000;
 /// Elements with no surface in them, which are passed over.
-const HARMLESS: [&str; 3] = ["edge", "camera", "material"];
-/// A header is no longer.
-const MOST_HEADER_BYTES: usize = 100_000;
+const HARMLESS: [&str; 4] = ["edge", "camera", "material", "range_grid"];
 
 /// Contents of a PLY file.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -20,27 +18,6 @@ pub struct PlyFile {
     pub normals: Option<Vec<[f64; 3]>>,
     /// Triangles; polygons are cut into fans.
     pub triangles: Vec<[u32; 3]>,
-}
-
-/// Encoding of numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Encoding {
-    Text,
-    LittleEndian,
-    BigEndian,
-}
-
-/// The type of a number.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Number {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
 }
 
 struct Property {
@@ -63,30 +40,14 @@ impl PlyFile {
     /// If it is no PLY file, ends early, or has vertices without x, y and z.
     pub fn from_bytes(file: &str, bytes: &[u8]) -> Result<Self, InputError> {
         let fault = |field: &str, found: &str, expected: &str| InputError::new(file, field, found, expected);
-        let head = &bytes[..bytes.len().min(MOST_HEADER_BYTES)];
-        // A comment may have the word, too.
-        let (mut end, mut body) = (None, &[][..]);
-        let mut at = 0;
-        while let Some(length) = head[at..].iter().position(|it| *it == b'\n') {
-            let line = head[at..at + length].trim_ascii();
-            if line == b"end_header" {
-                (end, body) = (Some(at), &bytes[at + length + 1..]);
-                break;
-            }
-            at += length + 1;
-        }
-        let end = end.filter(|_| bytes.starts_with(b"ply"));
-        let end = end.ok_or_else(|| fault("header", "no PLY header", "`ply` … `end_header`"))?;
-        let (encoding, elements) = header(file, &String::from_utf8_lossy(&bytes[..end]))?;
-        let mut numbers = Numbers { encoding, body, at: 0 };
+        let header = split_header(bytes, |line| line == "end_header").filter(|(lines, _)| lines[0] == "ply");
+        let (lines, at) = header.ok_or_else(|| fault("header", "no PLY header", "`ply` … `end_header`"))?;
+        let (encoding, elements) = self::header(file, &lines)?;
+        let mut numbers = Numbers { file, encoding, bytes, at };
         let mut ply = Self::default();
         for element in &elements {
             for row in 0..element.rows {
-                let too_few = || {
-                    let expected = format!("the {} of the header", element.rows);
-                    InputError::new(file, format!("rows of {}", element.name), row, expected)
-                };
-                ply.row(element, &mut numbers).ok_or_else(too_few)?;
+                ply.row(element, &mut numbers).ok_or_else(|| numbers.missing(&element.name, row, element.rows))?;
                 if ply.triangles.len() > MOST_TRIANGLES {
                     return Err(fault("faces", "more triangles", &format!("at most {MOST_TRIANGLES}")));
                 }
@@ -94,6 +55,9 @@ impl PlyFile {
             if element.name == "vertex" && ply.vertices.len() != element.rows {
                 return Err(fault("element vertex", "no x, y or z", "properties x, y and z"));
             }
+        }
+        if ply.triangles.is_empty() {
+            numbers.finish()?;
         }
         Ok(ply)
     }
@@ -145,7 +109,7 @@ pub(super) fn strip(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
 }
 
 /// Encoding and elements, as the lines of a header say.
-fn header(file: &str, text: &str) -> Result<(Encoding, Vec<Element>), InputError> {
+fn header(file: &str, lines: &[String]) -> Result<(Encoding, Vec<Element>), InputError> {
     let fault = |field: &str, found: &str, expected: &str| InputError::new(file, field, found, expected);
     let number = |name: &str| {
         let number = match name {
@@ -162,7 +126,7 @@ fn header(file: &str, text: &str) -> Result<(Encoding, Vec<Element>), InputError
         Ok(number)
     };
     let (mut encoding, mut elements) = (None, Vec::<Element>::new());
-    for line in text.lines() {
+    for line in lines {
         match line.split_whitespace().collect::<Vec<_>>()[..] {
             ["format", "ascii", _] => encoding = Some(Encoding::Text),
             ["format", "binary_little_endian", _] => encoding = Some(Encoding::LittleEndian),
@@ -181,7 +145,7 @@ fn header(file: &str, text: &str) -> Result<(Encoding, Vec<Element>), InputError
                 let element = elements.last_mut().ok_or_else(|| fault("property", line, "an element before"))?;
                 element.properties.push(Property { name: name.to_owned(), length, of });
             }
-            ["ply"] | ["comment" | "obj_info" | "format", ..] | [] => {}
+            ["ply" | "end_header"] | ["comment" | "obj_info" | "format", ..] | [] => {}
             _ => return Err(fault("header", line, "format, comment, element or property")),
         }
     }
@@ -199,47 +163,6 @@ fn header(file: &str, text: &str) -> Result<(Encoding, Vec<Element>), InputError
     elements.retain(|it| !it.properties.is_empty());
     let encoding = encoding.ok_or_else(|| fault("format", "none that is known", "ascii or binary"))?;
     Ok((encoding, elements))
-}
-
-/// The numbers of a body, one after the other.
-struct Numbers<'a> {
-    encoding: Encoding,
-    body: &'a [u8],
-    at: usize,
-}
-
-impl Numbers<'_> {
-    fn next(&mut self, kind: Number) -> Option<f64> {
-        if self.encoding == Encoding::Text {
-            let rest = &self.body[self.at..];
-            let start = rest.iter().position(|it| !it.is_ascii_whitespace())?;
-            let length = rest[start..].iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len() - start);
-            let word: Range<usize> = start..start + length;
-            self.at += word.end;
-            return std::str::from_utf8(&rest[word]).ok()?.parse().ok();
-        }
-        let big = self.encoding == Encoding::BigEndian;
-        Some(match kind {
-            Number::I8 => f64::from(self.bytes::<1>(big)?[0] as i8),
-            Number::U8 => f64::from(self.bytes::<1>(big)?[0]),
-            Number::I16 => f64::from(i16::from_le_bytes(self.bytes(big)?)),
-            Number::U16 => f64::from(u16::from_le_bytes(self.bytes(big)?)),
-            Number::I32 => f64::from(i32::from_le_bytes(self.bytes(big)?)),
-            Number::U32 => f64::from(u32::from_le_bytes(self.bytes(big)?)),
-            Number::F32 => f64::from(f32::from_le_bytes(self.bytes(big)?)),
-            Number::F64 => f64::from_le_bytes(self.bytes(big)?),
-        })
-    }
-
-    /// The next bytes, the lowest first.
-    fn bytes<const N: usize>(&mut self, big_endian: bool) -> Option<[u8; N]> {
-        let mut bytes: [u8; N] = self.body.get(self.at..self.at + N)?.try_into().ok()?;
-        self.at += N;
-        if big_endian {
-            bytes.reverse();
-        }
-        Some(bytes)
-    }
 }
 
 #[cfg(test)]
