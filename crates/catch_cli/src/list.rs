@@ -1,9 +1,9 @@
 //! `catchingbot list`: what is built in.
 
-use std::{collections::BTreeMap, path::PathBuf};
+use std::collections::BTreeMap;
 
 use catch_body::InputError;
-use catch_lab::assets::{Asset, KNOWN_FILE, Kind, Origin, nearest};
+use catch_lab::assets::{Asset, KNOWN_FILE, Kind, nearest};
 use catch_recording::whole_file::COMMAND_LINE;
 use clap::{Args, Command};
 use clap_complete::{Shell, generate};
@@ -45,19 +45,15 @@ pub fn run(arguments: &ListArguments, mut program: Command) -> anyhow::Result<()
     }
 }
 
-fn built_in(kind: Kind, name: &str) -> Result<Asset, InputError> {
-    Asset::find(kind, name, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, "--show"))
-}
-
 fn list(json: bool) -> anyhow::Result<()> {
     if json {
-        let names: BTreeMap<&str, Vec<&str>> = Kind::ALL.iter().map(|kind| (kind.plural(), kind.names())).collect();
+        let names: BTreeMap<String, Vec<&str>> = Kind::ALL.iter().map(|kind| (kind.plural(), kind.names())).collect();
         return screen::json(&names);
     }
     for kind in Kind::ALL {
         screen::line(&format!("{STRONG}{}{STRONG:#}", kind.plural()))?;
         for name in kind.names() {
-            let about = summary(&built_in(kind, name)?.text);
+            let about = summary(&Asset::built_in(kind, name)?.text);
             screen::line(&format!("  {name:<18}{FAINT}{about}{FAINT:#}"))?;
         }
         screen::line("")?;
@@ -79,7 +75,7 @@ fn show(name: &str, json: bool) -> anyhow::Result<()> {
     let mut files = BTreeMap::new();
     for kind in Kind::ALL {
         if kind.names().contains(&name) {
-            let asset = built_in(kind, name)?;
+            let asset = Asset::built_in(kind, name)?;
             if kind == Kind::Robot {
                 let (file, text) = asset.read_text_beside("robot.urdf")?;
                 files.insert(file, text);

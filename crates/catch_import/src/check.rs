@@ -19,7 +19,7 @@ use super::{
 };
 
 use catch_lab::{
-    assets::{Asset, KNOWN_FILE, Kind, Origin},
+    assets::{Asset, KNOWN_FILE, Kind},
     camera_placement,
     scenario::{
         Scenario,
@@ -115,7 +115,7 @@ pub fn check(path: &Path) -> Checked {
 fn built_in(path: &Path) -> Option<Asset> {
     let name = path.to_str().filter(|_| !path.exists())?;
     let kind = Kind::ALL.into_iter().find(|kind| kind.names().contains(&name))?;
-    Asset::find(kind, name, &Origin::BuiltIn(PathBuf::new()), ("", "")).ok()
+    Asset::built_in(kind, name).ok()
 }
 
 impl Checked {

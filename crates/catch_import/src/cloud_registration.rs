@@ -1,6 +1,6 @@
 //! The pose of one point cloud against another, or against a mesh.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use catch_body::{InputError, Pose};
 use catch_bot::perception::{
@@ -15,7 +15,7 @@ use super::{
     cloud_file::{self, CloudFile},
     registration_evidence::{Evidence, SAME_RADII, away_m},
 };
-use catch_lab::assets::{Asset, Kind, Origin};
+use catch_lab::assets::{Asset, Kind};
 
 /// Outcome of a registration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -193,8 +193,7 @@ pub fn scan_of(path: &Path, asked_by: (&str, &str)) -> Result<CloudFile, InputEr
     if !is_object {
         return cloud_file::read(path, true);
     }
-    let nowhere = Origin::BuiltIn(PathBuf::new());
-    let asset = Asset::find(Kind::Object, &path.to_string_lossy(), &nowhere, asked_by)?;
+    let asset = Asset::asked(Kind::Object, &path.to_string_lossy(), asked_by)?;
     Ok(cloud_file::on_surface(&asset.thrown_object()?.mesh))
 }
 

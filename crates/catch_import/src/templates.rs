@@ -1,7 +1,5 @@
 //! Commented files to start from.
 
-use std::path::PathBuf;
-
 use catch_body::{InputError, Pose};
 use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -9,7 +7,7 @@ use rand_pcg::Pcg64;
 
 use super::cloud_file::{CloudFile, on_surface};
 use catch_lab::{
-    assets::{Asset, Kind, Origin},
+    assets::{Asset, Kind},
     scenario::{Scenario, setup::DEFAULT_SCENARIO},
 };
 use catch_recording::whole_file::COMMAND_LINE;
@@ -36,8 +34,7 @@ pub fn files(kind: Kind, name: &str) -> Result<Vec<NewFile>, InputError> {
     let file = |text: String| Ok(vec![(format!("{name}.toml"), text)]);
     let filled_in = |template: &str| file(template.replace("{{name}}", name));
     let asked_by = (COMMAND_LINE, "NAME");
-    let nowhere = Origin::BuiltIn(PathBuf::new());
-    let scenario = || Asset::find(Kind::Scenario, DEFAULT_SCENARIO, &nowhere, asked_by);
+    let scenario = || Asset::asked(Kind::Scenario, DEFAULT_SCENARIO, asked_by);
     match kind {
         Kind::Object => Ok(vec![
             (format!("{name}/truth.toml"), TRUTH.replace("{{name}}", name)),
@@ -51,7 +48,7 @@ pub fn files(kind: Kind, name: &str) -> Result<Vec<NewFile>, InputError> {
         Kind::Robot => {
             let scenario = scenario()?;
             let named = Scenario::of_asset(&scenario)?.robot;
-            let robot = Asset::find(Kind::Robot, &named, &nowhere, asked_by)?;
+            let robot = Asset::asked(Kind::Robot, &named, asked_by)?;
             let (_, urdf) = robot.read_text_beside("robot.urdf")?;
             Ok(vec![(format!("{name}/robot.toml"), without_depths(&robot.text)), (format!("{name}/robot.urdf"), urdf)])
         }
@@ -92,8 +89,7 @@ pub fn track(name: &str) -> Result<NewFile, InputError> {
 /// A name that cannot be a file's, an object that is not built in.
 pub fn cloud(name: &str, object: &str) -> Result<NewFile, InputError> {
     check_name(name)?;
-    let nowhere = Origin::BuiltIn(PathBuf::new());
-    let object = Asset::find(Kind::Object, object, &nowhere, (COMMAND_LINE, "NAME"))?.thrown_object()?;
+    let object = Asset::asked(Kind::Object, object, (COMMAND_LINE, "NAME"))?.thrown_object()?;
     let CloudFile { points, normals } = on_surface(&object.mesh);
     let X_CO = Pose::new(Vector3::new(0.1, -0.05, 0.8), Vector3::new(0.4, 0.2, -0.3));
     let is_seen = |p: &Point3<f64>, n: &Vector3<f64>| (X_CO * n).dot(&(X_CO * p).coords) < 0.0;

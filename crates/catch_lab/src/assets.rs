@@ -62,17 +62,8 @@ impl Kind {
     ];
 
     /// Several of them, which is also the folder of the built-in ones.
-    pub fn plural(self) -> &'static str {
-        match self {
-            Self::Scenario => "scenarios",
-            Self::Robot => "robots",
-            Self::Gripper => "grippers",
-            Self::Object => "objects",
-            Self::Throw => "throws",
-            Self::Workcell => "workcells",
-            Self::Camera => "cameras",
-            Self::Rig => "rigs",
-        }
+    pub fn plural(self) -> String {
+        format!("{self}s")
     }
 
     /// "a robot", "an object".
@@ -137,6 +128,14 @@ pub struct Asset {
 }
 
 impl Asset {
+    /// Finds what an argument names; `asked_by` is where the argument stands and its own name.
+    ///
+    /// # Errors
+    /// As [`find`](Self::find).
+    pub fn asked(kind: Kind, name: &str, asked_by: (&str, &str)) -> Result<Self, InputError> {
+        Self::find(kind, name, &Origin::BuiltIn(PathBuf::new()), asked_by)
+    }
+
     /// Finds what `name` means: a built-in asset or a file.
     ///
     /// # Errors
@@ -184,20 +183,12 @@ impl Asset {
         Err(unknown(kind, name, field))
     }
 
-    /// Some built-in asset of a kind, where it does not matter which.
-    ///
-    /// # Errors
-    /// If there is none.
-    pub fn any_built_in(kind: Kind) -> Result<Self, InputError> {
-        Self::built_in(kind, kind.names().first().copied().unwrap_or_default())
-    }
-
     /// The built-in asset of this name.
     ///
     /// # Errors
     /// If there is none.
     pub fn built_in(kind: Kind, name: &str) -> Result<Self, InputError> {
-        let folder = Path::new(kind.plural());
+        let folder = PathBuf::from(kind.plural());
         let own = folder.join(name).join(kind.main_file());
         let path = if BUILT_IN.get_file(&own).is_some() { own } else { folder.join(format!("{name}.toml")) };
         let file = path.display().to_string();
@@ -345,14 +336,12 @@ pub fn nearest<'a>(name: &str, candidates: &[&'a str]) -> Option<&'a str> {
 mod tests {
     use super::*;
 
-    const ARGUMENTS: Origin = Origin::BuiltIn(PathBuf::new());
-
     #[test]
     fn every_built_in_asset_can_be_read() {
         for kind in Kind::ALL {
             assert!(!kind.names().is_empty(), "there is no {kind}");
             for name in kind.names() {
-                let asset = Asset::find(kind, name, &ARGUMENTS, ("test", "name")).unwrap();
+                let asset = Asset::asked(kind, name, ("test", "name")).unwrap();
                 assert_eq!(asset.name, name);
             }
         }

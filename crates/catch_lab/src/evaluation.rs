@@ -8,16 +8,7 @@ pub mod results;
 pub mod summary_table;
 pub mod trial_table;
 
-use std::{
-    collections::BTreeMap,
-    fmt,
-    sync::{
-        Arc,
-        atomic::{AtomicUsize, Ordering},
-        mpsc,
-    },
-    thread,
-};
+use std::{fmt, sync::Arc};
 
 use catch_body::InputError;
 use serde::{Deserialize, Serialize};
@@ -25,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     VERSION,
     evaluation::cell_summary::CellSummary,
+    parallel,
     reachability::oracle::Oracle,
     referee::{self, Verdict},
     scenario::{
@@ -207,41 +199,7 @@ impl Evaluation {
         row_done: &mut dyn FnMut(Row, Stopwatch) -> Result<(), InputError>,
     ) -> Result<(), InputError> {
         self.check_throws(from)?;
-        let next = AtomicUsize::new(from);
-        let (sender, receiver) = mpsc::channel();
-        thread::scope(|scope| {
-            let threads = threads.min(MOST_THREADS).clamp(1, self.len().saturating_sub(from).max(1));
-            let started = (0..threads).take_while(|_| {
-                let (next, sender) = (&next, sender.clone());
-                let work = move || {
-                    loop {
-                        let job = next.fetch_add(1, Ordering::Relaxed);
-                        // Nobody receives any more once a row could not be taken.
-                        if job >= self.len() || sender.send((job, self.trial(job))).is_err() {
-                            return;
-                        }
-                    }
-                };
-                thread::Builder::new().spawn_scoped(scope, work).is_ok()
-            });
-            if started.count() == 0 {
-                // The system allows no other thread.
-                return (from..self.len()).map(|job| self.trial(job)).try_for_each(|(row, times)| row_done(row, times));
-            }
-            drop(sender);
-            let mut waiting = BTreeMap::new();
-            let mut due = from;
-            for (job, result) in &receiver {
-                waiting.insert(job, result);
-                while let Some((row, stopwatch)) = waiting.remove(&due) {
-                    due += 1;
-                    if let Err(fault) = row_done(row, stopwatch) {
-                        drop(receiver);
-                        return Err(fault);
-                    }
-                }
-            }
-            Ok(())
-        })
+        let threads = threads.min(MOST_THREADS);
+        parallel::in_order(threads, from..self.len(), |job| self.trial(job), &mut |(row, times)| row_done(row, times))
     }
 }

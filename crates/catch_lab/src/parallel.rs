@@ -1,9 +1,12 @@
 //! Work on several threads, its results in order.
 
 use std::{
+    collections::BTreeMap,
+    convert::Infallible,
+    ops::Range,
     sync::{
-        Mutex,
         atomic::{AtomicUsize, Ordering},
+        mpsc,
     },
     thread,
 };
@@ -20,27 +23,56 @@ pub fn map<T: Send>(count: usize, job: impl Fn(usize) -> T + Sync) -> Vec<T> {
 
 /// Maps over this number of threads, or as many as the system allows.
 pub fn map_on<T: Send>(threads: usize, count: usize, job: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let next = AtomicUsize::new(0);
-    let done = Mutex::new(Vec::with_capacity(count));
-    let work = || {
-        loop {
-            let at = next.fetch_add(1, Ordering::Relaxed);
-            if at >= count {
-                return;
-            }
-            let result = job(at);
-            done.lock().expect("no thread panics while it holds the lock").push((at, result));
-        }
-    };
-    thread::scope(|scope| {
-        // This one, and others.
-        let others = (1..threads.min(count)).take_while(|_| thread::Builder::new().spawn_scoped(scope, work).is_ok());
-        others.for_each(drop);
-        work();
+    let mut results = Vec::with_capacity(count);
+    let Ok(()) = in_order(threads, 0..count, job, &mut |result| {
+        results.push(result);
+        Ok::<_, Infallible>(())
     });
-    let mut done = done.into_inner().expect("all threads have ended");
-    done.sort_by_key(|(at, _)| *at);
-    done.into_iter().map(|(_, result)| result).collect()
+    results
+}
+
+/// Hands over the results of `job` for all of `numbers`, in their order and each as soon as it can be, from
+/// this number of threads, or as many as the system allows.
+///
+/// # Errors
+/// The first of `done`; the jobs that are running then are given up.
+pub fn in_order<T: Send, E>(
+    threads: usize,
+    numbers: Range<usize>,
+    job: impl Fn(usize) -> T + Sync,
+    done: &mut dyn FnMut(T) -> Result<(), E>,
+) -> Result<(), E> {
+    let next = AtomicUsize::new(numbers.start);
+    let (sender, receiver) = mpsc::channel();
+    thread::scope(|scope| {
+        let started = (0..threads.clamp(1, numbers.len().max(1))).take_while(|_| {
+            let (next, job, sender, end) = (&next, &job, sender.clone(), numbers.end);
+            let work = move || {
+                loop {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    // Nobody receives any more once a result could not be taken.
+                    if number >= end || sender.send((number, job(number))).is_err() {
+                        return;
+                    }
+                }
+            };
+            thread::Builder::new().spawn_scoped(scope, work).is_ok()
+        });
+        if started.count() == 0 {
+            // The system allows no other thread.
+            return numbers.map(&job).try_for_each(done);
+        }
+        drop(sender);
+        let (mut waiting, mut due) = (BTreeMap::new(), numbers.start);
+        for (number, result) in receiver {
+            waiting.insert(number, result);
+            while let Some(result) = waiting.remove(&due) {
+                due += 1;
+                done(result)?;
+            }
+        }
+        Ok(())
+    })
 }
 
 #[cfg(test)]

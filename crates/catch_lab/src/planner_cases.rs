@@ -12,11 +12,12 @@ use std::path::Path;
 
 use catch_body::{Gripper, InputError, JointVector, Pose, Robot, dynamics::gravity};
 use catch_paper::posed::Target;
-use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use serde_json::{Map, Value};
+use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion};
+use serde::{Deserialize, de::IgnoredAny};
+use serde_json::Value;
 
 use crate::{
-    assets::{Asset, Kind, Origin},
+    assets::{Asset, Kind},
     scenario::{Scenario, setup::DEFAULT_SCENARIO},
 };
 use catch_recording::{
@@ -65,114 +66,102 @@ pub fn read(path: &Path) -> Result<Vec<PlannerCase>, InputError> {
 /// # Errors
 /// As [`read`].
 pub fn parse(file: &str, text: &str) -> Result<Vec<PlannerCase>, InputError> {
-    let document: Value = serde_json::from_str(text).map_err(|fault| {
+    let table = serde_json::from_str(text).map_err(|fault| {
         let (line, column) = (fault.line(), fault.column());
         let rest = text.lines().nth(line.saturating_sub(1)).unwrap_or_default().chars().skip(column.saturating_sub(1));
         let found = format!("`{}`", rest.take(20).collect::<String>());
         let found = if fault.is_eof() { "the end of the file".to_owned() } else { found };
-        InputError::new(
-            file,
-            format!("line {line}, column {column}"),
-            found,
-            "one whole JSON document, which has no NaN",
-        )
+        let expected = "one whole JSON document, which has no NaN and no null";
+        InputError::new(file, format!("line {line}, column {column}"), found, expected)
     })?;
-    let whole = Fields::new(file, "", &document)?;
-    whole.only(&["about", "gravity", "q_start", "dq_start", "grasp_centre_y_m", "robot", "cases"])?;
-    if let Some(value) = whole.get("gravity") {
-        let found = whole.number("gravity", value)?;
-        if (found - gravity().norm()).abs() > 1e-9 {
-            return Err(whole.fault("gravity", value, &format!("{}, that of the arm's model", gravity().norm())));
-        }
+    let (document, faults): (Document, _) = InputError::from_table(file, table)?;
+    InputError::first_of(faults.into_iter().map(Err::<(), _>))?;
+    if let Some(found) = document.gravity.filter(|it| (it - gravity().norm()).abs() > 1e-9) {
+        let expected = format!("{}, that of the arm's model", gravity().norm());
+        return Err(InputError::new(file, "gravity", found, expected));
     }
-    let cases = whole.required("cases", "a list of cases")?;
-    let list = cases.as_array().ok_or_else(|| whole.fault("cases", cases, "a list of cases"))?;
-    if list.is_empty() {
-        return Err(whole.fault("cases", cases, "one case or more"));
+    if document.cases.is_empty() {
+        return Err(InputError::new(file, "cases", "[]", "one case or more"));
     }
-    list.iter().enumerate().map(|(i, value)| case(&whole, &Fields::new(file, &format!("cases[{i}]"), value)?)).collect()
+    document.cases.iter().enumerate().map(|(i, case)| case.read(&document, file, format!("cases[{i}]"))).collect()
 }
 
-fn case(whole: &Fields, own: &Fields) -> Result<PlannerCase, InputError> {
-    own.only(&[
-        "id",
-        "time_remaining_s",
-        "object_p",
-        "object_v",
-        "R_WG",
-        "p_WG",
-        "s_max",
-        "q_start",
-        "dq_start",
-        "robot",
-    ])?;
-    // Fields of the case go before those of the file.
-    let either =
-        |name: &'static str| own.get(name).map(|it| (own, it)).or_else(|| whole.get(name).map(|it| (whole, it)));
-    let numbers = |name: &'static str| either(name).map(|(at, value)| at.numbers(name, value)).transpose();
-    let q_start = numbers("q_start")?.ok_or_else(|| own.missing("q_start", "joint positions in radians"))?;
-    let robot = match either("robot") {
-        None => None,
-        Some((at, value)) => {
-            Some(value.as_str().ok_or_else(|| at.fault("robot", value, "a name or a file"))?.to_owned())
-        }
-    };
-    let time = own.required("time_remaining_s", "seconds until the catch")?;
-    let catch_s = own.number("time_remaining_s", time)?;
-    if !(catch_s > 0.0 && catch_s <= 10.0) {
-        return Err(own.fault("time_remaining_s", time, "above 0 and at most 10 s"));
-    }
-    let vector = |name: &'static str| -> Result<Vector3<f64>, InputError> {
-        let expected = "three finite numbers";
-        let value = own.required(name, expected)?;
-        let numbers = own.numbers(name, value)?;
-        let numbers: [f64; 3] = numbers.try_into().map_err(|_| own.fault(name, value, expected))?;
-        Ok(numbers.into())
-    };
-    let centre = either("grasp_centre_y_m");
-    let (at, value) = centre.ok_or_else(|| whole.missing("grasp_centre_y_m", "metres along the gripper's y axis"))?;
-    let grasp_centre_y_m = at.number("grasp_centre_y_m", value)?;
-
-    let R_WG = rotation(own)?;
-    let (p_WG, p_WO, v_WO) = (vector("p_WG")?, vector("object_p")?, vector("object_v")?);
-    let X_WG = Pose::from_parts(Translation3::from(p_WG), R_WG);
-    let centre = X_WG * Point3::new(0.0, grasp_centre_y_m, 0.0);
-    if (centre.coords - p_WO).norm() > TOLERANCE_M {
-        let expected = format!("the grasp centre p_WG + grasp_centre_y_m·y_G = {:?}", centre.coords.as_slice());
-        return Err(own.fault("object_p", own.required("object_p", "")?, &expected));
-    }
-    Ok(PlannerCase {
-        id: own.get("id").cloned().unwrap_or_default(),
-        robot,
-        q_start,
-        dq_start: numbers("dq_start")?,
-        target: Target { catch_s, X_WG, v_WO },
-        p_WO: p_WO.into(),
-        grasp_centre_y_m,
-        path: own.path.clone(),
-    })
+/// A file of cases.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    #[serde(rename = "about")]
+    _about: Option<IgnoredAny>,
+    gravity: Option<f64>,
+    q_start: Option<Vec<f64>>,
+    dq_start: Option<Vec<f64>>,
+    grasp_centre_y_m: f64,
+    robot: Option<String>,
+    cases: Vec<Case>,
 }
 
-fn rotation(own: &Fields) -> Result<UnitQuaternion<f64>, InputError> {
-    let expected = "three rows of a rotation matrix, its columns the gripper's axes in the world";
-    let value = own.required("R_WG", expected)?;
-    let fault = || own.fault("R_WG", value, expected);
-    let rows = value.as_array().filter(|rows| rows.len() == 3).ok_or_else(fault)?;
-    let mut matrix = Matrix3::zeros();
-    for (i, row) in rows.iter().enumerate() {
-        let row = own.numbers("R_WG", row)?;
-        if row.len() != 3 {
-            return Err(fault());
+/// A case as it stands in a file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Case {
+    #[serde(default)]
+    id: Value,
+    time_remaining_s: f64,
+    object_p: [f64; 3],
+    object_v: [f64; 3],
+    R_WG: [[f64; 3]; 3],
+    p_WG: [f64; 3],
+    #[serde(rename = "s_max")]
+    _s_max: Option<IgnoredAny>,
+    q_start: Option<Vec<f64>>,
+    dq_start: Option<Vec<f64>>,
+    robot: Option<String>,
+}
+
+impl Case {
+    /// The case, whose own fields go before those of the file; errors call it `path`.
+    fn read(&self, whole: &Document, file: &str, path: String) -> Result<PlannerCase, InputError> {
+        let fault = |name: &str, found: String, expected: &str| {
+            Err(InputError::new(file, format!("{path}.{name}"), found, expected))
+        };
+        let Some(q_start) = self.q_start.as_ref().or(whole.q_start.as_ref()).cloned() else {
+            return fault("q_start", "nothing".to_owned(), "joint positions in radians");
+        };
+        let catch_s = self.time_remaining_s;
+        if !(catch_s > 0.0 && catch_s <= 10.0) {
+            return fault("time_remaining_s", catch_s.to_string(), "above 0 and at most 10 s");
         }
-        matrix.set_row(i, &Vector3::from_column_slice(&row).transpose());
+        let Some(R_WG) = rotation(&self.R_WG) else {
+            let expected = "three rows of a rotation matrix, its columns the gripper's axes in the world";
+            return fault("R_WG", format!("{:?}", self.R_WG), expected);
+        };
+        let X_WG = Pose::from_parts(Translation3::from(self.p_WG), R_WG);
+        let p_WO = Point3::from(self.object_p);
+        let centre = X_WG * Point3::new(0.0, whole.grasp_centre_y_m, 0.0);
+        if (centre - p_WO).norm() > TOLERANCE_M {
+            let expected = format!("the grasp centre p_WG + grasp_centre_y_m·y_G = {:?}", centre.coords.as_slice());
+            return fault("object_p", format!("{:?}", self.object_p), &expected);
+        }
+        Ok(PlannerCase {
+            id: self.id.clone(),
+            robot: self.robot.as_ref().or(whole.robot.as_ref()).cloned(),
+            q_start,
+            dq_start: self.dq_start.as_ref().or(whole.dq_start.as_ref()).cloned(),
+            target: Target { catch_s, X_WG, v_WO: self.object_v.into() },
+            p_WO,
+            grasp_centre_y_m: whole.grasp_centre_y_m,
+            path,
+        })
     }
+}
+
+/// The rotation of these rows of a matrix, if they are those of one.
+fn rotation(rows: &[[f64; 3]; 3]) -> Option<UnitQuaternion<f64>> {
+    let matrix = Matrix3::from(*rows).transpose();
     let off = (matrix * matrix.transpose() - Matrix3::identity()).amax();
-    if off > TOLERANCE_R || matrix.determinant() < 0.0 {
-        return Err(fault());
-    }
     // The digits of a file leave it a little off; the nearest rotation is meant.
-    let turn = Rotation3::from_matrix_eps(&matrix, 1e-15, 50, Rotation3::from_matrix_unchecked(matrix));
-    Ok(UnitQuaternion::from_rotation_matrix(&turn))
+    let turn = || Rotation3::from_matrix_eps(&matrix, 1e-15, 50, Rotation3::from_matrix_unchecked(matrix));
+    (off <= TOLERANCE_R && matrix.determinant() > 0.0).then(|| UnitQuaternion::from_rotation_matrix(&turn()))
 }
 
 impl PlannerCase {
@@ -205,10 +194,9 @@ impl PlannerCase {
 /// # Errors
 /// Faults in the name or the files behind it.
 pub fn arm(name: Option<&str>, asked_by: (&str, &str)) -> Result<(Robot, Gripper), InputError> {
-    let nowhere = Origin::BuiltIn(Default::default());
-    let scenario = Asset::find(Kind::Scenario, DEFAULT_SCENARIO, &nowhere, (COMMAND_LINE, "--scenario"))?;
+    let scenario = Asset::asked(Kind::Scenario, DEFAULT_SCENARIO, (COMMAND_LINE, "--scenario"))?;
     let parts = Scenario::of_asset(&scenario)?;
-    let robot = Asset::find(Kind::Robot, name.unwrap_or(&parts.robot), &nowhere, asked_by)?;
+    let robot = Asset::asked(Kind::Robot, name.unwrap_or(&parts.robot), asked_by)?;
     let gripper = Asset::find(Kind::Gripper, &parts.gripper, &scenario.origin, (&scenario.file, "gripper"))?;
     let (urdf_file, robot_urdf) = robot.read_text_beside("robot.urdf")?;
     let names =
@@ -223,64 +211,4 @@ pub fn arm(name: Option<&str>, asked_by: (&str, &str)) -> Result<(Robot, Gripper
         limit_scale: Default::default(),
     };
     sources.parse(&names)
-}
-
-/// A JSON object, and what errors call it.
-struct Fields<'a> {
-    file: &'a str,
-    path: String,
-    map: &'a Map<String, Value>,
-}
-
-impl<'a> Fields<'a> {
-    fn new(file: &'a str, path: &str, value: &'a Value) -> Result<Self, InputError> {
-        let map = value.as_object().ok_or_else(|| {
-            InputError::new(file, if path.is_empty() { "the document" } else { path }, brief(value), "an object {…}")
-        })?;
-        Ok(Self { file, path: path.to_owned(), map })
-    }
-
-    fn field(&self, name: &str) -> String {
-        if self.path.is_empty() { name.to_owned() } else { format!("{}.{name}", self.path) }
-    }
-
-    fn get(&self, name: &str) -> Option<&'a Value> {
-        self.map.get(name)
-    }
-
-    fn fault(&self, name: &str, found: &Value, expected: &str) -> InputError {
-        InputError::new(self.file, self.field(name), brief(found), expected)
-    }
-
-    fn missing(&self, name: &str, expected: &str) -> InputError {
-        InputError::new(self.file, self.field(name), "nothing", expected)
-    }
-
-    fn required(&self, name: &str, expected: &str) -> Result<&'a Value, InputError> {
-        self.get(name).ok_or_else(|| self.missing(name, expected))
-    }
-
-    fn number(&self, name: &str, value: &Value) -> Result<f64, InputError> {
-        value.as_f64().filter(|it| it.is_finite()).ok_or_else(|| self.fault(name, value, "a finite number"))
-    }
-
-    fn numbers(&self, name: &str, value: &Value) -> Result<Vec<f64>, InputError> {
-        let list = value.as_array().ok_or_else(|| self.fault(name, value, "a list of numbers"))?;
-        list.iter().enumerate().map(|(i, it)| self.number(&format!("{name}[{i}]"), it)).collect()
-    }
-
-    fn only(&self, known: &[&str]) -> Result<(), InputError> {
-        match self.map.keys().find(|key| !known.contains(&key.as_str())) {
-            None => Ok(()),
-            Some(key) => {
-                Err(InputError::new(self.file, self.field(key), "a field that means nothing here", known.join(", ")))
-            }
-        }
-    }
-}
-
-/// A value on one short line.
-fn brief(value: &Value) -> String {
-    let text = value.to_string();
-    if text.chars().count() <= 60 { text } else { text.chars().take(57).chain("...".chars()).collect() }
 }

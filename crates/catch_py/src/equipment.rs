@@ -1,14 +1,12 @@
 //! Arms, grippers and objects from their files: texts for whoever reads them, numbers for whoever simulates
 //! them.
 
-use std::path::PathBuf;
-
 use catch_body::{
     Gripper as BodyGripper, InputError, Pose, Robot as BodyRobot, robot::LimitScale, robot_file::RobotFiles,
     workcell::Workcell,
 };
 use catch_lab::{
-    assets::{Asset, Kind, Origin},
+    assets::{Asset, Kind},
     scenario::setup::Setup,
 };
 use catch_recording::{
@@ -27,8 +25,7 @@ use crate::{
 
 /// Finds the asset that an argument names: a built-in one, or a file.
 pub fn asset(kind: Kind, name: &str, argument: &str) -> PyResult<Asset> {
-    let nowhere = Origin::BuiltIn(PathBuf::new());
-    Asset::find(kind, name, &nowhere, (COMMAND_LINE, &format!("--{argument}"))).map_err(input_fault)
+    Asset::asked(kind, name, (COMMAND_LINE, &format!("--{argument}"))).map_err(input_fault)
 }
 
 /// An arm by its name or the file `robot.toml`, and what stands around it.

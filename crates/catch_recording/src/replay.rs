@@ -98,20 +98,22 @@ fn first_difference(time_s: f64, recorded: &Command, replayed: &Command) -> Opti
         return None;
     }
     let value = |command: &Command| serde_json::to_value(command).unwrap_or_default();
-    let (field, recorded, replayed) = first_differing_value(String::new(), value(recorded), value(replayed))
+    let (field, recorded, replayed) = first_differing_value("", &value(recorded), &value(replayed))
         .unwrap_or_else(|| ("the sign of a zero or a NaN".to_owned(), Value::Null, Value::Null));
     Some(Difference { time_s, field, recorded, replayed })
 }
 
-fn first_differing_value(path: String, one: Value, two: Value) -> Option<(String, Value, Value)> {
+/// The first value in which two documents differ, at or below `path`, and what each has there.
+pub fn first_differing_value(path: &str, one: &Value, two: &Value) -> Option<(String, Value, Value)> {
     match (one, two) {
-        (Value::Object(one), Value::Object(mut two)) => one.into_iter().find_map(|(key, value)| {
+        (Value::Object(one), Value::Object(two)) => one.keys().chain(two.keys()).find_map(|key| {
             let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-            first_differing_value(path, value, two.remove(&key).unwrap_or_default())
+            let [one, two] = [one, two].map(|it| it.get(key).unwrap_or(&Value::Null));
+            first_differing_value(&path, one, two)
         }),
-        (Value::Array(one), Value::Array(two)) if one.len() == two.len() => (one.into_iter().zip(two).enumerate())
-            .find_map(|(i, (one, two))| first_differing_value(format!("{path}[{i}]"), one, two)),
-        (one, two) => (one != two).then_some((path, one, two)),
+        (Value::Array(one), Value::Array(two)) if one.len() == two.len() => (one.iter().zip(two).enumerate())
+            .find_map(|(i, (one, two))| first_differing_value(&format!("{path}[{i}]"), one, two)),
+        _ => (one != two).then(|| (path.to_owned(), one.clone(), two.clone())),
     }
 }
 

@@ -7,10 +7,9 @@ use catch_import::{
     cloud_file::{self, CloudFile},
     cloud_registration::{RegistrationStatus, reference_model, register},
 };
-use catch_lab::assets::{Asset, Kind, Origin};
+use catch_lab::assets::{Asset, Kind};
 use catch_sim::random_streams::{Draws, Stream};
 use nalgebra::{Point3, UnitQuaternion, Vector3, Vector6};
-use std::path::PathBuf;
 
 /// Outcomes of the registrations of clouds of one object.
 #[derive(Debug, Default)]
@@ -216,7 +215,7 @@ fn patches_are_registered_as_well_as_claimed_or_not_at_all() {
     let trials = std::env::var("TRIALS").ok().and_then(|it| it.parse().ok()).unwrap_or(24);
     let (mut registered, mut outside) = (0, 0);
     for name in Kind::Object.names() {
-        let asset = Asset::find(Kind::Object, name, &Origin::BuiltIn(PathBuf::new()), ("", "")).unwrap();
+        let asset = Asset::asked(Kind::Object, name, ("", "")).unwrap();
         let all = cloud_file::on_surface(&asset.thrown_object().unwrap().mesh);
         let reference = reference_model(all.clone(), name).unwrap();
         for full in [true, false] {

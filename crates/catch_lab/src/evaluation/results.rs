@@ -19,6 +19,7 @@ use serde_json::Value;
 use crate::evaluation::{Evaluation, Identity, Row, summary_table, trial_table};
 use catch_recording::{
     bounded_file::FileKind,
+    replay::first_differing_value,
     whole_file::{self, COMMAND_LINE, make_writable},
 };
 
@@ -61,10 +62,11 @@ impl Results {
                 return Err(holds_results(folder, "--resume to go on with them, or another folder"));
             }
             check_identity(&folder.join(IDENTITY_FILE), &identity)?;
+        } else if let Some(file) = [TRIALS_FILE, REPORT_FILE].into_iter().find(|it| folder.join(it).exists()) {
+            let found = format!("`{}`, which holds {file}", folder.display());
+            let expected = "a folder without: what it is of is not known";
+            return Err(InputError::new(COMMAND_LINE, "--out", found, expected));
         } else {
-            for file in [TRIALS_FILE, REPORT_FILE] {
-                refuse_file(folder, file, "a folder without: what it is of is not known")?;
-            }
             write_identity(folder, &identity)?;
         }
         let path = folder.join(TRIALS_FILE);
@@ -161,28 +163,6 @@ fn identity_text(identity: &Identity) -> Result<String, InputError> {
     })
 }
 
-/// Checks that the folder does not contain `file`.
-///
-/// # Errors
-/// If it does; `expected` states what would be right.
-fn refuse_file(folder: &Path, file: &str, expected: &str) -> Result<(), InputError> {
-    if !folder.join(file).exists() {
-        return Ok(());
-    }
-    let found = format!("`{}`, which holds {file}", folder.display());
-    Err(InputError::new(COMMAND_LINE, "--out", found, expected))
-}
-
-/// Checks that a folder is free for several evaluations, each in a folder of its own within it.
-///
-/// # Errors
-/// If it holds an evaluation itself.
-pub fn check_holds_none(folder: &Path) -> Result<(), InputError> {
-    [IDENTITY_FILE, TRIALS_FILE]
-        .iter()
-        .try_for_each(|file| refuse_file(folder, file, "a folder without: every evaluation gets one of its own in it"))
-}
-
 fn holds_results(folder: &Path, expected: &str) -> InputError {
     InputError::new(COMMAND_LINE, "--out", format!("`{}`, which holds results", folder.display()), expected)
 }
@@ -263,37 +243,16 @@ fn compare(file: &str, found: &Identity, identity: &Identity) -> Result<(), Inpu
     }
     let [theirs, ours] = [found, identity].map(|it| serde_json::to_value(it).unwrap_or_default());
     let fields = ["version", "seed", "first", "cells", "throws_are_fixed"];
-    let differing = fields.iter().find_map(|field| difference(field, &theirs[*field], &ours[*field]));
+    let differing = fields.iter().find_map(|field| first_differing_value(field, &theirs[*field], &ours[*field]));
     let (field, found, asked) = differing.unwrap_or_default();
-    Err(InputError::new(
-        file,
-        field,
-        format!("results of another evaluation, with {found}"),
-        format!("{asked}; or another folder"),
-    ))
-}
-
-/// The first field in which two documents differ, and what each has there.
-fn difference(field: &str, first: &Value, second: &Value) -> Option<(String, String, String)> {
-    let whole = |value: &Value| match value {
+    let told = |value: Value| match value {
         Value::Object(_) => "a table".to_owned(),
         Value::Array(values) => format!("{} values", values.len()),
         Value::Null => "none".to_owned(),
         value => value.to_string(),
     };
-    match (first, second) {
-        (Value::Object(ours), Value::Object(theirs)) => ours.keys().chain(theirs.keys()).find_map(|key| {
-            difference(
-                &format!("{field}.{key}"),
-                ours.get(key).unwrap_or(&Value::Null),
-                theirs.get(key).unwrap_or(&Value::Null),
-            )
-        }),
-        (Value::Array(ours), Value::Array(theirs)) if ours.len() == theirs.len() => {
-            (ours.iter().zip(theirs).enumerate()).find_map(|(i, (a, b))| difference(&format!("{field}[{i}]"), a, b))
-        }
-        _ => (first != second).then(|| (field.to_owned(), whole(first), whole(second))),
-    }
+    let found = format!("results of another evaluation, with {}", told(found));
+    Err(InputError::new(file, field, found, format!("{}; or another folder", told(asked))))
 }
 
 /// The rows of a file that may not exist, and how many bytes they take. A last line that was cut off does not

@@ -6,10 +6,7 @@ mod knowledge;
 mod parts;
 pub mod throw_check;
 
-use std::{
-    path::PathBuf,
-    sync::{Arc, OnceLock},
-};
+use std::sync::{Arc, OnceLock};
 
 use catch_body::{Gripper, InputError, JointVector, Robot};
 use catch_bot::{Preparation, grasp_selection::GraspSet};
@@ -105,9 +102,8 @@ impl Setup {
     /// The first fault found: which argument or which field of which file, what stands there and what would
     /// be right.
     pub fn load(choice: &Choice) -> Result<Self, InputError> {
-        let nowhere = Origin::BuiltIn(PathBuf::new());
         let name = choice.scenario.unwrap_or(DEFAULT_SCENARIO);
-        let asset = Asset::find(Kind::Scenario, name, &nowhere, (COMMAND_LINE, "--scenario"))?;
+        let asset = Asset::asked(Kind::Scenario, name, (COMMAND_LINE, "--scenario"))?;
         Self::of_asset(&asset, choice)
     }
 
@@ -211,7 +207,7 @@ impl Setup {
     /// # Errors
     /// As [`load`](Self::load).
     pub fn thrown(&self, throw: &str) -> Result<Self, InputError> {
-        let asset = Asset::find(Kind::Throw, throw, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, "--throw"))?;
+        let asset = Asset::asked(Kind::Throw, throw, (COMMAND_LINE, "--throw"))?;
         let throw = asset.throw()?.for_arm(self.robot.length_m());
         Ok(self.with_throw(asset.name, throw))
     }

@@ -1,7 +1,5 @@
 //! The files that a scenario and a choice name: found, read and checked one by one.
 
-use std::path::PathBuf;
-
 use catch_body::{Gripper, InputError, Robot};
 use catch_cell::{CameraModel, DataSheet, KnownObject, ReferenceScan, reference_scan, rig_from_toml};
 use catch_sim::{ArenaConfig, Throw, ThrownObject, depth_noise::DepthConfig};
@@ -40,11 +38,10 @@ impl Parts {
     /// command line.
     pub fn find(scenario: &Scenario, of_file: &Scenario, place: Place, choice: &Choice) -> Result<Self, InputError> {
         let find = |kind: Kind, asked: Option<&str>, named: &str, field: &str| {
-            let nowhere = Origin::BuiltIn(PathBuf::new());
             let is_set = !of_file.parts().contains(&(kind, field, named));
             match asked {
-                Some(name) => Asset::find(kind, name, &nowhere, (COMMAND_LINE, &format!("--{kind}"))),
-                None if is_set => Asset::find(kind, named, &nowhere, (COMMAND_LINE, &format!("--set {field}"))),
+                Some(name) => Asset::asked(kind, name, (COMMAND_LINE, &format!("--{kind}"))),
+                None if is_set => Asset::asked(kind, named, (COMMAND_LINE, &format!("--set {field}"))),
                 None => Asset::find(kind, named, place.origin, (place.file, field)),
             }
         };
