@@ -2,6 +2,8 @@
 
 use std::fmt::Display;
 
+use serde::Serialize;
+
 /// Returns whether a character steers how the text around it is displayed: control characters, and marks of
 /// the direction of writing, by which a name looks like another.
 pub fn steers_text(letter: char) -> bool {
@@ -18,7 +20,7 @@ pub fn steers_text(letter: char) -> bool {
 ///     "robot.toml: joints.wrist.max_acceleration_radps2: found -3, expected a number above zero"
 /// );
 /// ```
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, thiserror::Error)]
 #[error("{file}: {field}: found {found}, expected {expected}")]
 pub struct InputError {
     /// File or argument that holds the fault.
@@ -30,8 +32,10 @@ pub struct InputError {
     /// Value that would be right.
     pub expected: String,
     /// Further faults that were found with this one.
+    #[serde(skip)]
     pub also: Box<[InputError]>,
     /// True if nothing is wrong with the input, but a result could not be written.
+    #[serde(skip)]
     pub of_output: bool,
 }
 

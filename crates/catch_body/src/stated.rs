@@ -4,7 +4,7 @@
 use std::{fmt, marker::PhantomData};
 
 use serde::{
-    Deserializer,
+    Deserializer, Serialize,
     de::{
         DeserializeSeed, Error, IntoDeserializer, MapAccess, SeqAccess, Unexpected, Visitor,
         value::SeqAccessDeserializer,
@@ -28,7 +28,7 @@ pub struct Stated<T> {
 }
 
 /// A value that nobody published.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Assumption {
     /// Path of the field within its file.
     pub field: String,

@@ -18,6 +18,7 @@ mod tests;
 
 use catch_body::statistics::median_in_place;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3};
+use serde::Serialize;
 
 use super::{CAMERA_PARAMETERS, Calibration, CalibrationStatus, coarse::moved};
 use equations::{CameraState, FlightEquations, FlightState, OF_CAMERA, OF_FLIGHT, OF_OFFSET, OF_TILT, Priors, Seen};
@@ -87,7 +88,8 @@ impl Default for FlightSettings {
 }
 
 /// Outcome of a refinement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum FlightStatus {
     /// The calibration was refined.
     Refined,

@@ -90,6 +90,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use catch_body::Pose;
 use nalgebra::{DMatrix, Matrix6};
+use serde::Serialize;
 
 pub use arm_motion::{ArmSample, arm_at, arm_at_rest};
 pub use averaged_image::AveragedImage;
@@ -184,7 +185,8 @@ impl Config {
 }
 
 /// Outcome of the calibration of a camera.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum CalibrationStatus {
     /// The calibration converged.
     Converged,

@@ -15,12 +15,9 @@ use catch_calibration::{
 };
 use catch_cell::{CameraModel, rig_to_toml};
 use catch_import::ros_calibration::{read_camera_info, read_hand_eye};
-use catch_lab::{
-    VERSION,
-    scenario::setup::{
-        Choice, Setup,
-        calibration::{self, ArenaSession, CalibratedCameras, calibrated_cameras},
-    },
+use catch_lab::scenario::setup::{
+    Choice, Setup,
+    calibration::{self, ArenaSession, CalibratedCameras, calibrated_cameras},
 };
 use catch_recording::whole_file::{self, COMMAND_LINE, check_new, make_writable, unfinished_folder, write_new};
 use catch_view::pages::calibration_page::{self, CameraSection};
@@ -28,8 +25,8 @@ use clap::Args;
 use serde::Serialize;
 
 use self::places::Places;
-use super::{ChoiceArguments, MOST, OutputArguments, whole};
-use crate::screen::{self, BAD, GOOD};
+use super::{ChoiceArguments, MOST, OutputArguments, between, whole};
+use crate::screen::{self, BAD, GOOD, name_of};
 
 /// Images of each camera on the page.
 const PAGE_IMAGES: usize = 2;
@@ -67,11 +64,11 @@ pub struct CalibrateArguments {
     poses: u64,
     /// Standard deviation of the joints' zeros, in degrees, instead of what the images tell; zero: they are
     /// exact
-    #[arg(long, value_name = "DEGREES", value_parser = at_most(5.0))]
+    #[arg(long, value_name = "DEGREES", value_parser = between(0.0, 5.0))]
     joint_zero_sd_deg: Option<f64>,
     /// Standard deviation of how far the links' surfaces are from their model, in millimetres, instead of
     /// what the images tell
-    #[arg(long, value_name = "MM", value_parser = at_most(20.0))]
+    #[arg(long, value_name = "MM", value_parser = between(0.0, 20.0))]
     link_sd_mm: Option<f64>,
     /// Throws that refine the calibration afterwards: the cameras see one flight, whose law is known
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(FLIGHTS.least as u64, FLIGHTS.most as u64))]
@@ -86,17 +83,8 @@ pub struct CalibrateArguments {
     output: OutputArguments,
 }
 
-/// Reads numbers from zero to a most.
-fn at_most(most: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
-    move |text| {
-        let number = text.parse().ok().filter(|it: &f64| (0.0..=most).contains(it));
-        number.ok_or_else(|| format!("expected a number from 0 to {most}"))
-    }
-}
-
 #[derive(Serialize)]
 struct Document<'a> {
-    version: &'static str,
     scenario: &'a str,
     seed: u64,
     rig: PathBuf,
@@ -113,7 +101,7 @@ struct Document<'a> {
 /// Result of the flights.
 #[derive(Serialize)]
 struct FlightsDocument {
-    status: &'static str,
+    status: FlightStatus,
     /// Flights that counted, and their sightings.
     flights: usize,
     sightings: usize,
@@ -129,7 +117,7 @@ struct FlightsDocument {
 /// Result of a camera.
 #[derive(Serialize)]
 pub struct CameraDocument {
-    status: &'static str,
+    status: CalibrationStatus,
     /// False if throws are caught without this camera: only others were calibrated.
     is_used: bool,
     /// Calibrated position in W.
@@ -184,7 +172,6 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     files.push((places.page.clone(), page_text(&setup, &session, &calibrated, &cameras).into_bytes()));
     write_new(&files, "--out")?;
     let document = Document {
-        version: VERSION,
         scenario: &setup.scenario.name,
         seed: arguments.seed,
         rig: places.rig,
@@ -197,7 +184,7 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
         joint_zero_rad: found.joint_zero_rad,
         link_offset_m: found.link_offset_m,
     };
-    if *json { screen::json(&document) } else { Ok(tell(&document)?) }
+    if *json { screen::document(&document) } else { Ok(tell(&document)?) }
 }
 
 /// The cameras as they are calibrated before anything is thrown, where the scenario wants that. It tells that
@@ -222,7 +209,7 @@ pub fn before_throws(setup: &Setup, seed: u64, aloud: bool) -> io::Result<Vec<Ca
         let error_mm = it.position_error_m * 1e3;
         let off = format!("{error_mm:.2} mm and {:.4}° off, {}", it.rotation_error_deg, uncertainty(it));
         let left_out = if it.is_used { "" } else { ", left out" };
-        screen::fact(&format!("camera {i}"), &format!("{}{left_out}, {off}", it.status))?;
+        screen::fact(&format!("camera {i}"), &format!("{}{left_out}, {off}", name_of(it.status)))?;
     }
     Ok(documents)
 }
@@ -268,24 +255,9 @@ fn toml_text(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-fn status(status: CalibrationStatus) -> &'static str {
-    match status {
-        CalibrationStatus::Converged => "converged",
-        CalibrationStatus::TooFewImages => "too_few_images",
-        CalibrationStatus::NotConverged => "not_converged",
-        CalibrationStatus::PoorFit => "poor_fit",
-        CalibrationStatus::Uncertain => "uncertain",
-    }
-}
-
 fn flights_document(found: &Refinement) -> FlightsDocument {
     FlightsDocument {
-        status: match found.status {
-            FlightStatus::Refined => "refined",
-            FlightStatus::TooFewSightings => "too_few_sightings",
-            FlightStatus::NotConverged => "not_converged",
-            FlightStatus::Contradicting => "contradicting",
-        },
+        status: found.status,
         flights: found.flights,
         sightings: found.sightings,
         outlier_fraction: found.outlier_fraction,
@@ -315,7 +287,7 @@ fn camera_document(found: &CameraCalibration, X_WC: &Pose, X_WT: &Pose, is_used:
     let X_CT = X_WC.inv_mul(X_WT);
     let sd = |first: usize| found.covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
     CameraDocument {
-        status: status(found.status),
+        status: found.status,
         is_used,
         position_m: X_WC.translation.vector.into(),
         rotation_xyzw: X_WC.rotation.coords.into(),
@@ -335,7 +307,7 @@ fn camera_document(found: &CameraCalibration, X_WC: &Pose, X_WT: &Pose, is_used:
 
 fn page_text(setup: &Setup, session: &ArenaSession, calibrated: &[CameraModel], found: &[CameraDocument]) -> String {
     let section = |(i, camera): (usize, &CameraModel)| CameraSection {
-        summary: format!("Camera {i}: {}, {}", found[i].status, uncertainty(&found[i])),
+        summary: format!("Camera {i}: {}, {}", name_of(found[i].status), uncertainty(&found[i])),
         overlays: overlays(&setup.robot, &setup.gripper, (i, camera), &session.session, PAGE_IMAGES),
     };
     let sections: Vec<CameraSection> = calibrated.iter().enumerate().map(section).collect();
@@ -344,7 +316,9 @@ fn page_text(setup: &Setup, session: &ArenaSession, calibrated: &[CameraModel], 
 
 fn uncertainty(it: &CameraDocument) -> String {
     match it.status {
-        "converged" => format!("claimed ± {:.2} mm and {:.4}°", it.position_sd_m * 1e3, it.rotation_sd_deg),
+        CalibrationStatus::Converged => {
+            format!("claimed ± {:.2} mm and {:.4}°", it.position_sd_m * 1e3, it.rotation_sd_deg)
+        }
         _ => "it stays where it was believed to stand".to_owned(),
     }
 }
@@ -354,15 +328,16 @@ fn tell(document: &Document<'_>) -> io::Result<()> {
     screen::line(&format!("{poses} poses in {robot_time_s:.1} s, {limit_violations} commands that broke a limit"))?;
     if let Some(it) = &document.flights {
         let FlightsDocument { status, flights, sightings, outlier_fraction, .. } = it;
-        let colour = if *status == "refined" { GOOD } else { BAD };
+        let colour = if *status == FlightStatus::Refined { GOOD } else { BAD };
         let outliers = format!("{:.1} % of them outliers", outlier_fraction * 1e2);
+        let status = name_of(status);
         screen::line(&format!("{flights} flights, {sightings} sightings, {outliers}: {colour}{status}{colour:#}"))?;
         let of_axis = |i: usize| format!("{:+.3} ± {:.3}°", it.tilt_deg[i], it.tilt_sd_deg[i]);
         screen::fact("tilt", &format!("{} about x, {} about y", of_axis(0), of_axis(1)))?;
     }
     for (i, it) in document.cameras.iter().enumerate() {
-        let colour = if it.status == "converged" { GOOD } else { BAD };
-        screen::line(&format!("  camera {i}: {colour}{}{colour:#}, {}", it.status, uncertainty(it)))?;
+        let colour = if it.status == CalibrationStatus::Converged { GOOD } else { BAD };
+        screen::line(&format!("  camera {i}: {colour}{}{colour:#}, {}", name_of(it.status), uncertainty(it)))?;
         let time = it
             .time_offset_sd_s
             .map_or("unknown".to_owned(), |sd_s| format!("{:.2} ± {:.2} ms", it.time_offset_s * 1e3, sd_s * 1e3));

@@ -9,7 +9,6 @@ use std::{
 use anyhow::Context;
 use catch_cell::LimitViolation;
 use catch_lab::{
-    VERSION,
     recording::recorded_throw::{RecordedThrow, record},
     referee::{Measures, Verdict, reason::Reason},
     scenario::{
@@ -67,7 +66,6 @@ pub struct CatchArguments {
 /// The JSON document.
 #[derive(Serialize)]
 struct Document<'a> {
-    version: &'static str,
     caught: bool,
     caught_paper: bool,
     reason: Option<Reason>,
@@ -131,8 +129,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
         screen::line("")?;
         return if *open { view::show(&page) } else { tell_how_to_open(&page) };
     }
-    screen::json(&Document {
-        version: VERSION,
+    screen::document(&Document {
         caught: verdict.caught,
         caught_paper: verdict.caught_paper,
         reason: verdict.reason,

@@ -7,14 +7,13 @@ use std::{
 
 use catch_body::InputError;
 use catch_import::check::{Checked, check};
-use catch_lab::VERSION;
 use catch_recording::bounded_file::FileKind;
 use clap::Args;
 use serde::Serialize;
 
 use crate::{
     drive,
-    failure::{Failure, Fault},
+    failure::Failure,
     screen::{self, BAD, GOOD},
 };
 
@@ -44,7 +43,6 @@ impl std::error::Error for Faulty {}
 
 #[derive(Serialize)]
 struct Document<'a> {
-    version: &'static str,
     #[serde(flatten)]
     failure: Option<&'a Failure>,
     files: Vec<FileDocument<'a>>,
@@ -55,7 +53,7 @@ struct Document<'a> {
 struct FileDocument<'a> {
     file: &'a Path,
     kind: Option<String>,
-    faults: Vec<Fault>,
+    faults: &'a [InputError],
     notes: &'a [String],
 }
 
@@ -83,11 +81,11 @@ pub fn run(arguments: &CheckArguments) -> anyhow::Result<()> {
         let files = checked.iter().map(|(file, Checked { kind, faults, notes })| FileDocument {
             file,
             kind: kind.map(|it| it.to_string()),
-            faults: faults.iter().cloned().map(Fault::from).collect(),
+            faults,
             notes,
         });
         let files = files.collect();
-        screen::json(&Document { version: VERSION, failure: failure.as_ref(), files })?;
+        screen::document(&Document { failure: failure.as_ref(), files })?;
     } else {
         for (file, Checked { kind, faults, notes }) in &checked {
             let kind = kind.map_or("file".to_owned(), |it| it.to_string());

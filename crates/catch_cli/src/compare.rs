@@ -2,10 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use catch_lab::{
-    VERSION,
-    evaluation::comparison::{Comparison, Counts, Pair},
-};
+use catch_lab::evaluation::comparison::{Comparison, Counts, Pair};
 use catch_recording::whole_file::{self, make_writable};
 use catch_view::pages::compare_page::{self, interval, points};
 use serde::Serialize;
@@ -20,7 +17,6 @@ const PAGE: &str = "compared.html";
 /// The JSON document.
 #[derive(Serialize)]
 struct Document<'a> {
-    version: &'static str,
     a: &'a Path,
     b: &'a Path,
     seed: u64,
@@ -52,7 +48,7 @@ pub fn run(folders: [&PathBuf; 2], folder: &Path, json: bool) -> anyhow::Result<
     if json {
         let cells = cells.into_iter().map(|(name, counts)| Cell { name, counts }).collect();
         let (seed, pairs) = (comparison.identities[0].seed, &comparison.pairs[..]);
-        screen::json(&Document { version: VERSION, a: folders[0], b: folders[1], seed, cells, pairs, page: &page })?;
+        screen::document(&Document { a: folders[0], b: folders[1], seed, cells, pairs, page: &page })?;
         return Ok(page);
     }
     let (only_a, only_b) = (format!("only\n{}", names[0]), format!("only\n{}", names[1]));

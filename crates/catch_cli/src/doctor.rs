@@ -4,15 +4,14 @@
 use std::{
     collections::BTreeMap,
     fs,
-    num::NonZero,
     path::{Path, PathBuf},
-    thread,
 };
 
 use anyhow::Context;
 use catch_body::{InputError, statistics::wilson95};
 use catch_lab::{
     evaluation::{Cell, Evaluation},
+    parallel,
     scenario::setup::Setup,
 };
 use catch_sim::depth_noise::{DepthModel, StereoNoise};
@@ -109,10 +108,9 @@ fn predicted(
     }
     setup.scenario.arena.depth.model = noise(&plain, found);
     let evaluation = Evaluation { cells: vec![Cell::new(setup)], seed: 1, first: 0, trials };
-    let threads = thread::available_parallelism().map_or(1, NonZero::get);
     let bar = screen::progress_bar(evaluation.len(), "throws");
     let mut caught = 0;
-    evaluation.run(0, threads, &mut |row, _| {
+    evaluation.run(0, parallel::threads(), &mut |row, _| {
         caught += usize::from(row.verdict.caught);
         bar.inc(1);
         Ok(())

@@ -3,17 +3,15 @@
 use std::{
     collections::BTreeMap,
     io,
-    num::NonZero,
     path::{Path, PathBuf},
     sync::Arc,
-    thread,
     time::Instant,
 };
 
 use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
-    VERSION, camera_placement,
+    camera_placement,
     evaluation::{
         Cell, Evaluation, Identity, MOST_THREADS, Row,
         cell_summary::CellSummary,
@@ -22,6 +20,7 @@ use catch_lab::{
         summary_table,
         trial_table::PARQUET_FILE,
     },
+    parallel,
     scenario::{Scenario, setup::Setup},
     trial::stopwatch::{StageTimes, Stopwatch},
 };
@@ -111,7 +110,6 @@ struct Document<'a> {
 /// Part of the document that does not depend on computing times.
 #[derive(Serialize)]
 pub(super) struct Outcome<'a> {
-    version: &'static str,
     scenario: &'a str,
     /// The scenario as it was resolved; objects and throws are those of the cells.
     resolved: &'a Scenario,
@@ -128,7 +126,6 @@ impl<'a> Outcome<'a> {
         let published = published_rates();
         let cell = |summary| DocumentCell { summary, published: published_rate(&published, summary) };
         Self {
-            version: VERSION,
             scenario: &identity.cells[0].name,
             resolved: &identity.cells[0],
             seed: identity.seed,
@@ -218,7 +215,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         return Ok(print(&cells, &times, stopwatch, folder)?);
     }
     let outcome = Outcome::new(&identity, &cells, rows, folder);
-    screen::json(&Document { outcome, calibration, rig, wall_s, stages: times.stages })
+    screen::document(&Document { outcome, calibration, rig, wall_s, stages: times.stages })
 }
 
 /// An evaluation whose trials are all there.
@@ -285,7 +282,7 @@ impl Pace {
     /// Creates the pace that the arguments ask for: `threads` at a time, or one per core.
     pub fn new(resume: bool, threads: Option<u64>) -> Self {
         let threads = threads.map(|threads| threads as usize);
-        Self { resume, threads: threads.unwrap_or_else(|| thread::available_parallelism().map_or(1, NonZero::get)) }
+        Self { resume, threads: threads.unwrap_or_else(parallel::threads) }
     }
 }
 

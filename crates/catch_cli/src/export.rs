@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use catch_lab::{VERSION, scenario::setup::Setup};
+use catch_lab::scenario::setup::Setup;
 use catch_recording::whole_file;
 use catch_view::export::mjcf;
 use clap::Args;
@@ -40,7 +40,6 @@ pub struct ExportArguments {
 /// The JSON document.
 #[derive(Serialize)]
 struct Document<'a> {
-    version: &'static str,
     mjcf: &'a Path,
 }
 
@@ -55,7 +54,7 @@ pub fn run(arguments: &ExportArguments) -> anyhow::Result<()> {
     let file = mjcf.join("scene.xml");
     whole_file::write_new(&[(file.clone(), mjcf::scene(&setup, *seed, *index).into_bytes())], "--mjcf")?;
     if *json {
-        return screen::json(&Document { version: VERSION, mjcf: &file });
+        return screen::document(&Document { mjcf: &file });
     }
     Ok(screen::fact("scene", &format!("throw {index} of seed {seed}, in {}", file.display()))?)
 }

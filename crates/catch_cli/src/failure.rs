@@ -4,7 +4,6 @@
 use std::{error::Error, io, process::ExitCode};
 
 use catch_body::InputError;
-use catch_lab::VERSION;
 use catch_recording::whole_file::COMMAND_LINE;
 use clap::error::ContextKind;
 use serde::Serialize;
@@ -19,36 +18,13 @@ pub struct Failure {
     /// The program's exit code: 2 for wrong input, 1 for anything else.
     exit_code: u8,
     /// Faults of the input; empty where there are none.
-    faults: Vec<Fault>,
-}
-
-/// A fault in a file or an argument.
-#[derive(Debug, Serialize)]
-pub struct Fault {
-    file: String,
-    field: String,
-    found: String,
-    expected: String,
-}
-
-impl From<InputError> for Fault {
-    fn from(InputError { file, field, found, expected, .. }: InputError) -> Self {
-        Self { file, field, found, expected }
-    }
-}
-
-/// Document of `--json` where nothing else is reported.
-#[derive(Serialize)]
-struct Document<'a> {
-    version: &'static str,
-    #[serde(flatten)]
-    failure: &'a Failure,
+    faults: Vec<InputError>,
 }
 
 impl Failure {
     /// Wrong input with these faults.
     pub fn of_faults(error: String, faults: impl IntoIterator<Item = InputError>) -> Self {
-        Self { error, exit_code: 2, faults: faults.into_iter().map(Fault::from).collect() }
+        Self { error, exit_code: 2, faults: faults.into_iter().collect() }
     }
 
     /// A command that failed.
@@ -90,7 +66,7 @@ impl Failure {
         screen::error(&self.error);
         if as_json {
             // Nobody is left to be told if this fails, too.
-            let _ = screen::json(&Document { version: VERSION, failure: self });
+            let _ = screen::document(self);
         }
         ExitCode::from(self.exit_code)
     }

@@ -2,10 +2,7 @@
 
 use std::path::PathBuf;
 
-use catch_lab::{
-    VERSION,
-    recording::gripper_latency::{self, GripperLatency, UnusedMoves},
-};
+use catch_lab::recording::gripper_latency::{self, GripperLatency, UnusedMoves};
 use clap::Args;
 use serde::Serialize;
 
@@ -33,7 +30,6 @@ pub struct GripperLatencyArguments {
 
 #[derive(Debug, Serialize)]
 struct Document<'a> {
-    version: &'static str,
     #[serde(flatten)]
     latency: &'a GripperLatency,
     /// Line of a scenario.
@@ -49,7 +45,7 @@ pub fn run(arguments: &GripperLatencyArguments) -> anyhow::Result<()> {
     // A negative latency says that the fingers are faster than the brain expects; the setting cannot.
     let setting = format!("brain.control.gripper_latency_s = {:.4}", latency.median_s.max(0.0));
     if arguments.json {
-        return screen::json(&Document { version: VERSION, latency: &latency, setting: &setting });
+        return screen::document(&Document { latency: &latency, setting: &setting });
     }
     let GripperLatency { median_s, quartiles_s: [low_s, high_s], moves, unused } = &latency;
     let UnusedMoves { late, not_at_rest, not_moved } = unused;

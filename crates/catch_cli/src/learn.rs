@@ -76,7 +76,6 @@ struct Row {
 
 #[derive(Debug, Serialize)]
 struct Document {
-    version: &'static str,
     throws: usize,
     /// Each throw predicted by others of its object.
     cross_validated: Vec<Row>,
@@ -122,12 +121,12 @@ pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     let throws = objects.iter().map(Vec::len).sum();
     let prior = FlightPrior { source: format!("{}; {throws} throws", arguments.source), ..prior };
     whole_file::write_new(&[(arguments.out.clone(), prior.text()?.into_bytes())], "--out")?;
-    let document = Document { version: VERSION, throws, cross_validated: rows(tables), other_objects: rows(others) };
+    let document = Document { throws, cross_validated: rows(tables), other_objects: rows(others) };
     if let Some(path) = &arguments.report {
         whole_file::write_new(&[(path.clone(), report(&document, arguments).into_bytes())], "--report")?;
     }
     if arguments.json {
-        return screen::json(&document);
+        return screen::document(&document);
     }
     screen::fact("throws", &throws.to_string())?;
     for (title, rows) in [(OWN, &document.cross_validated), (OTHERS, &document.other_objects)] {

@@ -151,6 +151,14 @@ pub fn whole(least: u64, most: u64) -> impl Fn(&str) -> Result<u64, String> + Cl
     }
 }
 
+/// Reads numbers within a range.
+pub fn between(least: f64, most: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| {
+        let number = text.parse().ok().filter(|it: &f64| (least..=most).contains(it));
+        number.ok_or_else(|| format!("expected a number from {least} to {most}"))
+    }
+}
+
 /// Scenario, and changes to it.
 #[derive(Debug, Args)]
 pub struct ChoiceArguments {

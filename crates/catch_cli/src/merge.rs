@@ -32,7 +32,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let (identity, rows) = merged(parts, out)?;
     let cells = identity.summarize(&rows);
     if arguments.json {
-        return screen::json(&Outcome::new(&identity, &cells, &rows, out));
+        return screen::document(&Outcome::new(&identity, &cells, &rows, out));
     }
     if arguments.markdown {
         return Ok(screen::text(&summary_table::markdown(&identity, &cells))?);

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use catch_body::InputError;
 use catch_import::object_import::{ImportOptions, ImportedObject};
-use catch_lab::VERSION;
 use catch_recording::whole_file::{COMMAND_LINE, write_new};
 use clap::{Args, Subcommand};
 use serde::Serialize;
@@ -66,7 +65,6 @@ pub struct ImportArguments {
 
 #[derive(Serialize)]
 struct Document {
-    version: &'static str,
     object: PathBuf,
     name: String,
     mass_kg: f64,
@@ -118,8 +116,7 @@ fn tell(arguments: &ImportArguments, imported: &ImportedObject) -> anyhow::Resul
     let object = &imported.object;
     let size_m = object.mesh.aabb().size;
     if arguments.json {
-        return screen::json(&Document {
-            version: VERSION,
+        return screen::document(&Document {
             object: arguments.out.clone(),
             name: object.name.clone(),
             mass_kg: object.mass_kg,

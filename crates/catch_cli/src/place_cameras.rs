@@ -9,7 +9,6 @@ use std::{
 use catch_body::{InputError, Pose};
 use catch_cell::{CameraModel, rig_to_toml};
 use catch_lab::{
-    VERSION,
     camera_placement::{Config, PlacementStudy, Score, quantile_m},
     scenario::setup::Setup,
 };
@@ -22,7 +21,7 @@ use catch_view::pages::placement_page::{self, CameraView};
 use clap::Args;
 use serde::Serialize;
 
-use super::{ChoiceArguments, MOST, OutputArguments, whole};
+use super::{ChoiceArguments, MOST, OutputArguments, between, whole};
 use crate::screen;
 
 /// Cameras of a rig that is compared, at most.
@@ -103,17 +102,8 @@ fn corner(text: &str) -> Result<Corner, String> {
     corner.map(Corner).ok_or_else(|| "expected three numbers from -50 to 50, such as -1.2,-1.6,0.4".to_owned())
 }
 
-/// Reads numbers within a range.
-fn between(least: f64, most: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
-    move |text| {
-        let number = text.parse().ok().filter(|it: &f64| (least..=most).contains(it));
-        number.ok_or_else(|| format!("expected a number from {least} to {most}"))
-    }
-}
-
 #[derive(Serialize)]
 struct Document<'a> {
-    version: &'static str,
     scenario: &'a str,
     seed: u64,
     throws: u64,
@@ -203,7 +193,6 @@ pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
     let files = [(rig_path.clone(), rig_to_toml(&about, &rig).into_bytes()), (page_path.clone(), page.into_bytes())];
     write_new(&files, "--out")?;
     let document = Document {
-        version: VERSION,
         scenario: &setup.scenario.name,
         seed: config.seed,
         throws: config.throws,
@@ -212,7 +201,7 @@ pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
         page: page_path,
         rigs,
     };
-    if *json { screen::json(&document) } else { Ok(tell(&document, &placement.cameras)?) }
+    if *json { screen::document(&document) } else { Ok(tell(&document, &placement.cameras)?) }
 }
 
 fn views<'a>(setup: &Setup, study: &PlacementStudy, cameras: &'a [CameraModel], score: &Score) -> Vec<CameraView<'a>> {

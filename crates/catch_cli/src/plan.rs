@@ -6,10 +6,7 @@ use catch_body::statistics::{median, quantile, sorted};
 use catch_body::{Gripper, JointVector, Robot};
 use catch_bot::trajectory_optimization::{Config, MotionPlanner, PlanningFailure, Start};
 use catch_cell::arm::Setpoint;
-use catch_lab::{
-    VERSION,
-    planner_cases::{self, PlannerCase},
-};
+use catch_lab::planner_cases::{self, PlannerCase};
 use catch_paper::posed::{PosedCatch, PosedPlanner};
 use catch_recording::whole_file::COMMAND_LINE;
 use clap::Args;
@@ -53,7 +50,6 @@ pub struct PlanArguments {
 
 #[derive(Serialize)]
 struct Document {
-    version: &'static str,
     cases: Vec<Row>,
 }
 
@@ -124,7 +120,7 @@ pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
         rows.push(row(planner, &start, case, arguments.general));
     }
     if arguments.json {
-        return screen::json(&Document { version: VERSION, cases: rows });
+        return screen::document(&Document { cases: rows });
     }
     Ok(print(&rows)?)
 }

@@ -5,7 +5,6 @@ use std::{fmt::Write as _, path::PathBuf, sync::Arc};
 use catch_body::InputError;
 use catch_body::statistics::wilson95;
 use catch_lab::{
-    VERSION,
     assets::Kind,
     play::{EarlyEnd, Life, Play, PlayRow},
     recording,
@@ -64,7 +63,6 @@ pub struct PlayArguments {
 /// Document of `--json`.
 #[derive(Debug, Serialize)]
 struct Document<'a> {
-    version: &'static str,
     /// Scenario of the first object.
     scenario: &'a Scenario,
     objects: Vec<&'a str>,
@@ -127,7 +125,7 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     }
     let document = document(&play, &life, alone);
     if arguments.json {
-        return screen::json(&document);
+        return screen::document(&document);
     }
     tell(&table(&play, &life), &life, &document, alone)?;
     if let Some(path) = &arguments.html {
@@ -205,7 +203,6 @@ fn document<'a>(play: &'a Play, life: &'a Life, caught_alone: Option<usize>) -> 
     let violations: usize = rows.iter().map(|it| it.row.verdict.limit_violations).sum();
     let excursions: usize = rows.iter().map(|it| it.row.verdict.motion_excursions).sum();
     Document {
-        version: VERSION,
         scenario: &play.setups[0].scenario,
         objects: play.setups.iter().map(|setup| setup.scenario.object.as_str()).collect(),
         throws: rows.len(),

@@ -3,14 +3,11 @@
 use std::path::PathBuf;
 
 use catch_body::{InputError, quantity};
-use catch_lab::{
-    VERSION,
-    flights::{
-        flight::{Flight, FlightState},
-        flight_prediction::{self, DRAG_PER_M, FlightStatus, Known, LEAST_SIGHTINGS},
-        flight_prior::FlightPrior,
-        track_file,
-    },
+use catch_lab::flights::{
+    flight::{Flight, FlightState},
+    flight_prediction::{self, DRAG_PER_M, FlightStatus, Known, LEAST_SIGHTINGS},
+    flight_prior::FlightPrior,
+    track_file,
 };
 use catch_recording::whole_file::COMMAND_LINE;
 use clap::{Args, ValueEnum};
@@ -108,7 +105,6 @@ struct Prediction {
 
 #[derive(Debug, Serialize)]
 struct Document {
-    version: &'static str,
     /// `predicted`, or what is wrong.
     status: FlightStatus,
     /// Time of the contact that ended the flight.
@@ -166,7 +162,6 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
     }
     let [drag_per_m, drag_sd_per_m] = [0, 1].map(|i| flight.map(|flight| flight.drag_per_m()[i]));
     let document = Document {
-        version: VERSION,
         status: found.status,
         contact_s: found.contact_s,
         sightings: seen.len(),
@@ -177,7 +172,7 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
         end: state(end_s).map(Prediction::of),
         at: arguments.at.iter().filter_map(|&time_s| state(time_s)).map(Prediction::of).collect(),
     };
-    if arguments.json { screen::json(&document) } else { Ok(print(&document)?) }
+    if arguments.json { screen::document(&document) } else { Ok(print(&document)?) }
 }
 
 impl Prediction {
@@ -192,7 +187,7 @@ impl Prediction {
 }
 
 fn print(document: &Document) -> std::io::Result<()> {
-    screen::fact("status", serde_json::to_value(document.status)?.as_str().unwrap_or_default())?;
+    screen::fact("status", &screen::name_of(document.status))?;
     if let Some(contact_s) = document.contact_s {
         screen::fact(
             "contact",

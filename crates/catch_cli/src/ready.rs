@@ -2,7 +2,6 @@
 
 use catch_body::InputError;
 use catch_lab::{
-    VERSION,
     reachability::ready::Corridor,
     scenario::{Scenario, setup::Setup},
 };
@@ -47,7 +46,6 @@ pub struct ReadyArguments {
 
 #[derive(Serialize)]
 struct Answer<'a> {
-    version: &'static str,
     scenario: &'a Scenario,
     ready_rad: &'a [f64],
     within_reach: usize,
@@ -98,7 +96,6 @@ pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
     let others = corridor.value(&best.q, f64::INFINITY).expect("the arm can stand where it was found to");
     let within_reach = corridor.within_reach(&best.q);
     let answer = Answer {
-        version: VERSION,
         scenario: &setups[0].scenario,
         ready_rad: &best.q.as_slice()[..dof],
         within_reach: best.caught,
@@ -112,7 +109,7 @@ pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
         },
     };
     if arguments.json {
-        return screen::json(&answer);
+        return screen::document(&answer);
     }
     let numbers: Vec<String> = answer.ready_rad.iter().map(|value| format!("{value:.3}")).collect();
     screen::line(&format!("ready_rad = [{}]", numbers.join(", ")))?;

@@ -7,7 +7,6 @@ use catch_import::{
     cloud_file,
     cloud_registration::{self, RegistrationStatus},
 };
-use catch_lab::VERSION;
 use catch_recording::whole_file::COMMAND_LINE;
 use clap::Args;
 use nalgebra::Matrix6;
@@ -52,10 +51,9 @@ struct PoseDocument {
 #[derive(Serialize)]
 #[allow(non_snake_case)]
 struct Document {
-    version: &'static str,
     /// `registered`, `degenerate` where other poses explain the cloud as well, `implausible` where its stated
     /// noise does not explain how far the points are off, or what was missing.
-    status: serde_json::Value,
+    status: RegistrationStatus,
     X_CR: Option<PoseDocument>,
     /// Inverse covariance of (rotation vector, position) in the cloud's axes.
     information: Option<[[f64; 6]; 6]>,
@@ -76,8 +74,7 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
     let reference = cloud_registration::reference_model(scan, &path.display().to_string())?;
     let found = cloud_registration::register(&cloud.points, noise_m, &reference);
     let document = Document {
-        version: VERSION,
-        status: serde_json::to_value(found.status)?,
+        status: found.status,
         X_CR: found.X_CR.map(|it| PoseDocument {
             translation_m: it.translation.vector.into(),
             rotation_xyzw: it.rotation.coords.into(),
@@ -88,9 +85,9 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
         symmetry: found.symmetry,
     };
     if arguments.json {
-        return screen::json(&document);
+        return screen::document(&document);
     }
-    screen::fact("status", document.status.as_str().unwrap_or_default())?;
+    screen::fact("status", &screen::name_of(found.status))?;
     screen::fact("points", &document.points.to_string())?;
     screen::fact("symmetry of the object", found.symmetry)?;
     if found.status == RegistrationStatus::Degenerate {

@@ -5,10 +5,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use catch_body::{InputError, JointVector};
+use catch_body::{InputError, JointVector, stated::Assumption};
 use catch_import::robot_import::{ImportOptions, ImportedRobot};
 use catch_lab::{
-    VERSION,
     reachability::ready::{Corridor, Ready},
     scenario::setup::{Choice, Setup},
 };
@@ -101,7 +100,6 @@ const STARTS: usize = 30;
 
 #[derive(Serialize)]
 struct Document {
-    version: &'static str,
     robot: PathBuf,
     name: String,
     joints: Vec<String>,
@@ -112,16 +110,10 @@ struct Document {
     left_out: Vec<String>,
     capsules: usize,
     unread: Vec<String>,
-    assumed: Vec<AssumedValue>,
+    assumed: Vec<Assumption>,
     ready_rad: Vec<f64>,
     /// `None` if it was not asked for.
     reach: Option<Reach>,
-}
-
-#[derive(Serialize)]
-struct AssumedValue {
-    field: String,
-    reason: String,
 }
 
 #[derive(Serialize)]
@@ -232,8 +224,7 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
     let (taken_off, reason) = chain.fingers.clone().map(|it| (it.links, it.reason)).unzip();
     let taken_off = taken_off.unwrap_or_default();
     if arguments.json {
-        return screen::json(&Document {
-            version: VERSION,
+        return screen::document(&Document {
             robot: arguments.out.clone(),
             name: robot.name.clone(),
             joints: robot.joints.iter().map(|it| it.name.clone()).collect(),
@@ -243,7 +234,7 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
             left_out: chain.left_out.clone(),
             capsules: robot.capsules.len(),
             unread,
-            assumed: assumed.into_iter().map(|it| AssumedValue { field: it.field, reason: it.reason }).collect(),
+            assumed,
             ready_rad: robot.ready_q.iter().take(robot.dof()).copied().collect(),
             reach,
         });

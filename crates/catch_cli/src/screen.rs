@@ -14,8 +14,10 @@ use std::{
 
 use anstyle::{AnsiColor, Style};
 use catch_body::input_error::steers_text;
+use catch_lab::VERSION;
 use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
 use signal_hook::consts::SIGINT;
 
 /// Style of results that are good.
@@ -105,9 +107,28 @@ pub fn fact(label: &str, value: &str) -> io::Result<()> {
 ///
 /// # Errors
 /// If standard output is closed.
-pub fn json(document: &impl serde::Serialize) -> anyhow::Result<()> {
+pub fn json(document: &impl Serialize) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(document)?;
     Ok(line(&text)?)
+}
+
+/// Prints a result as one JSON document, which begins with the version of the program.
+///
+/// # Errors
+/// As [`json`].
+pub fn document(result: &impl Serialize) -> anyhow::Result<()> {
+    #[derive(Serialize)]
+    struct Document<'a, T> {
+        version: &'static str,
+        #[serde(flatten)]
+        result: &'a T,
+    }
+    json(&Document { version: VERSION, result })
+}
+
+/// A serialized name, such as that of a status.
+pub fn name_of(value: impl Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|it| it.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
 /// A table with headings, whose columns in the range `numbers` stand to the right.

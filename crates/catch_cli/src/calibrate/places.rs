@@ -7,7 +7,8 @@ use catch_cell::{CameraModel, RigCalibration, rig_to_toml};
 use catch_import::ros_calibration::{camera_info_yaml, hand_eye_yaml};
 use catch_lab::scenario::setup::Setup;
 
-use super::{CalibrateArguments, status};
+use super::CalibrateArguments;
+use crate::screen::name_of;
 
 /// Paths of the results.
 pub struct Places {
@@ -45,7 +46,7 @@ impl Places {
     ) -> Vec<(PathBuf, Vec<u8>)> {
         let with_covariance: Vec<_> =
             calibrated.iter().cloned().zip(found.cameras.iter().map(rig_calibration)).collect();
-        let statuses: Vec<&str> = found.cameras.iter().map(|it| status(it.status)).collect();
+        let statuses: Vec<String> = found.cameras.iter().map(|it| name_of(it.status)).collect();
         let source = match arguments.camera_info.is_empty() {
             true => format!("the rig {}", setup.scenario.flight_rig),
             false => "files of ROS".to_owned(),
