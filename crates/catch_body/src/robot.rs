@@ -167,6 +167,11 @@ impl Robot {
         self.joints.len()
     }
 
+    /// Names of the links, the base first.
+    pub fn link_names(&self) -> impl Iterator<Item = &str> {
+        std::iter::once(&self.base_link).chain(self.joints.iter().map(|it| &it.link_name)).map(String::as_str)
+    }
+
     /// Returns whether the joints are too few to bring the hand to every pose.
     pub fn has_few_joints(&self) -> bool {
         self.dof() < 6

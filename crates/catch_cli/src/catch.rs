@@ -27,7 +27,7 @@ use catch_view::playback::Playback;
 use clap::Args;
 use serde::Serialize;
 
-use super::{ChoiceArguments, MOST, OutputArguments, view, whole};
+use super::{OutputArguments, ThrowArguments, view};
 use crate::{
     calibrate,
     screen::{self, BAD, FAINT, GOOD, STRONG},
@@ -38,19 +38,7 @@ use crate::{
 #[derive(Debug, Args)]
 pub struct CatchArguments {
     #[command(flatten)]
-    choice: ChoiceArguments,
-    /// Object: a built-in name or a file [default: the scenario's]
-    #[arg(long, value_name = "NAME|FILE")]
-    object: Option<String>,
-    /// Throw: a built-in name or a file [default: the scenario's]
-    #[arg(long, value_name = "NAME|FILE")]
-    throw: Option<String>,
-    /// Seed of everything random
-    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(0, MOST))]
-    seed: u64,
-    /// Number of the throw, for throws that differ
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true, value_parser = whole(0, MOST))]
-    index: u64,
+    thrown: ThrowArguments,
     #[command(flatten)]
     output: OutputArguments,
     /// Open the page in a browser
@@ -91,10 +79,9 @@ struct Document<'a> {
 /// # Errors
 /// Faults in the arguments and files; a folder that cannot be written.
 pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
-    let CatchArguments { choice, object, throw, seed, index, output, open, watch, files } = arguments;
-    let setup = Setup::load(&choice.with(object.as_deref(), throw.as_deref()))?;
+    let CatchArguments { thrown: thrown @ ThrowArguments { seed, index, .. }, output, open, watch, files } = arguments;
+    let setup = thrown.setup()?;
     let scene = setup.scene(*seed, *index);
-    setup.check_throw(*seed, *index)?;
     // A folder that cannot be written to is reported before anything is thrown.
     make_writable(&output.out, "--out")?;
 

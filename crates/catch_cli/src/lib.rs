@@ -44,11 +44,12 @@ mod watch;
 
 use std::{io, path::PathBuf, process::ExitCode, sync::LazyLock};
 
+use catch_body::InputError;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 
 use catch_lab::{
     VERSION,
-    scenario::setup::{Choice, DEFAULT_SCENARIO},
+    scenario::setup::{Choice, DEFAULT_SCENARIO, Setup},
 };
 use catch_recording::brain::Method;
 
@@ -214,6 +215,34 @@ impl ChoiceArguments {
     pub fn with<'a>(&'a self, object: Option<&'a str>, throw: Option<&'a str>) -> Choice<'a> {
         let method = self.method();
         Choice { scenario: Some(&self.scenario), object, throw, method, settings: &self.settings, ..self.equipment() }
+    }
+}
+
+/// Choice of one throw.
+#[derive(Debug, Args)]
+pub struct ThrowArguments {
+    #[command(flatten)]
+    choice: ChoiceArguments,
+    /// Object: a built-in name or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    object: Option<String>,
+    /// Throw: a built-in name or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    throw: Option<String>,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    seed: u64,
+    /// Number of the throw, for throws that differ
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    index: u64,
+}
+
+impl ThrowArguments {
+    /// The setup of the throw, which can be thrown.
+    pub fn setup(&self) -> Result<Setup, InputError> {
+        let setup = Setup::load(&self.choice.with(self.object.as_deref(), self.throw.as_deref()))?;
+        setup.check_throw(self.seed, self.index)?;
+        Ok(setup)
     }
 }
 

@@ -17,11 +17,9 @@ pub(super) fn note_of_visuals(robot: &Robot) -> Option<String> {
             }
         }
     }
-    let name = |link: usize| match link {
-        0 => robot.base_link.as_str(),
-        _ => robot.joints[link - 1].link_name.as_str(),
-    };
-    let as_capsules: Vec<&str> = (0..=robot.dof()).filter(|it| !robot.visuals.contains_key(it)).map(name).collect();
+    let names: Vec<&str> = robot.link_names().collect();
+    let with_capsules = names.iter().enumerate().filter(|(link, _)| !robot.visuals.contains_key(link));
+    let as_capsules: Vec<&str> = with_capsules.map(|(_, name)| *name).collect();
     let others = if as_capsules.is_empty() {
         String::new()
     } else {
@@ -29,7 +27,7 @@ pub(super) fn note_of_visuals(robot: &Robot) -> Option<String> {
     };
     let (count, (most_mm, link)) = (robot.visuals.len(), farthest);
     let fit = if most_mm > 0.05 {
-        format!("up to {most_mm:.1} mm outside of their capsules ({})", name(link))
+        format!("up to {most_mm:.1} mm outside of their capsules ({})", names[link])
     } else {
         "inside their capsules".to_owned()
     };

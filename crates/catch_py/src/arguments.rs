@@ -3,7 +3,7 @@
 use std::{
     fmt::Display,
     sync::{
-        Mutex, PoisonError,
+        Mutex, MutexGuard, PoisonError,
         mpsc::{self, RecvTimeoutError},
     },
     thread,
@@ -15,9 +15,10 @@ use catch_recording::whole_file::COMMAND_LINE;
 use nalgebra::Point3;
 use numpy::{PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::{
-    Borrowed,
+    Borrowed, PyClass,
     exceptions::{PyOSError, PyRuntimeError, PyTypeError, PyValueError},
     prelude::*,
+    pyclass::boolean_struct::True,
     types::{PyBool, PyDict, PyString},
 };
 
@@ -60,7 +61,7 @@ pub fn interruptible<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T
     thread::spawn(move || sender.send(work()));
     let receiver = Mutex::new(receiver);
     loop {
-        let wait = || receiver.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(LOOKS_EVERY);
+        let wait = || locked(&receiver).recv_timeout(LOOKS_EVERY);
         match py.detach(wait) {
             Ok(done) => return Ok(done),
             Err(RecvTimeoutError::Timeout) => py.check_signals()?,
@@ -81,6 +82,32 @@ pub fn fault(argument: &str, found: impl Display, expected: impl Display) -> PyE
 pub fn type_fault(argument: &str, value: &Bound<'_, PyAny>, expected: &str) -> PyErr {
     let found = value.get_type().name().map_or_else(|_| "another type".to_owned(), |it| it.to_string());
     PyTypeError::new_err(format!("{argument}: found {found}, expected {expected}"))
+}
+
+/// The object of the class `T` that an argument is to be.
+pub fn instance<'a, T: PyClass<Frozen = True> + Sync>(
+    argument: &str,
+    value: &'a Bound<'_, PyAny>,
+    expected: &str,
+) -> PyResult<&'a T> {
+    let value = value.cast::<T>().map_err(|_| PyTypeError::new_err(format!("{argument}: expected {expected}")))?;
+    Ok(value.get())
+}
+
+/// What `read` makes of each object of the class `T` in a list.
+pub fn list<T: PyClass<Frozen = True> + Sync, U>(
+    argument: &str,
+    value: &Bound<'_, PyAny>,
+    expected: &str,
+    read: impl Fn(&T) -> U,
+) -> PyResult<Vec<U>> {
+    let items = value.try_iter().map_err(|_| PyTypeError::new_err(format!("{argument}: expected {expected}")))?;
+    items.map(|it| Ok(read(instance(argument, &it?, expected)?))).collect()
+}
+
+/// The content of a lock, whatever became of who held it before.
+pub fn locked<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
+    lock.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The exception for a fault in a file or an argument, which the command line calls `--argument`.
@@ -186,18 +213,16 @@ impl Numbers {
     pub fn points(&self) -> Vec<Point3<f64>> {
         self.values.chunks_exact(3).map(Point3::from_slice).collect()
     }
+}
 
-    /// One number per joint of an arm.
-    pub fn joints(&self) -> JointVector {
-        let mut joints = JointVector::zeros();
-        joints.iter_mut().zip(&self.values).for_each(|(joint, value)| *joint = *value);
-        joints
-    }
+/// Numbers for the joints of an arm, zero for those that it has not.
+pub fn joint_vector(values: &[f64]) -> JointVector {
+    JointVector::from_fn(|i, _| values.get(i).copied().unwrap_or_default())
 }
 
 /// One number per joint of an arm with `dof` of them.
 pub fn joints(argument: &str, value: &Bound<'_, PyAny>, dof: usize) -> PyResult<JointVector> {
-    Numbers::read(argument, value, &[dof]).map(|it| it.joints())
+    Numbers::read(argument, value, &[dof]).map(|it| joint_vector(&it.values))
 }
 
 /// Settings as the command line takes them: `FIELD=VALUE`.

@@ -2,7 +2,7 @@
 
 use std::{
     path::{Path, PathBuf},
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex},
 };
 
 use catch_body::{InputError, TriangleMesh};
@@ -26,12 +26,15 @@ use catch_recording::{
 };
 use nalgebra::Point3;
 use pyo3::{
-    exceptions::{PyOSError, PyRuntimeError, PyTypeError},
+    exceptions::{PyOSError, PyRuntimeError},
     prelude::*,
 };
 
 use crate::{
-    arguments::{Named, Numbers, Whole, fault, input_fault, interruptible, name_of, toml_text, type_fault},
+    arguments::{
+        Named, Numbers, Whole, fault, input_fault, instance, interruptible, list, locked, name_of, toml_text,
+        type_fault,
+    },
     camera::Camera,
     command::Command,
     equipment::{Gripper, Robot, asset},
@@ -74,7 +77,7 @@ impl Brain {
 
     fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut ChosenBrain, &mut Stopwatch) -> T + Send) -> T {
         py.detach(|| {
-            let (brain, stopwatch) = &mut *self.brain.lock().unwrap_or_else(PoisonError::into_inner);
+            let (brain, stopwatch) = &mut *locked(&self.brain);
             work(brain, stopwatch)
         })
     }
@@ -151,8 +154,7 @@ impl Brain {
 
     /// One decision about what was sensed.
     fn tick(&self, py: Python<'_>, observation: &Bound<'_, PyAny>) -> PyResult<Command> {
-        let observation = observation.cast::<Observation>();
-        let observation = observation.map_err(|_| PyTypeError::new_err("observation: expected an Observation"))?.get();
+        let observation: &Observation = instance("observation", observation, "an Observation")?;
         self.check(observation)?;
         let sensed = observation.sensed();
         Ok(self.with(py, |brain, stopwatch| {
@@ -185,9 +187,7 @@ impl Brain {
 
 /// Cameras in a list.
 fn camera_list(argument: &str, cameras: &Bound<'_, PyAny>) -> PyResult<Vec<CameraModel>> {
-    let wrong = || PyTypeError::new_err(format!("{argument}: expected a list of Camera"));
-    let one = |it: PyResult<Bound<'_, PyAny>>| Ok(it?.cast::<Camera>().map_err(|_| wrong())?.get().model.clone());
-    let cameras: Vec<CameraModel> = cameras.try_iter().map_err(|_| wrong())?.map(one).collect::<PyResult<_>>()?;
+    let cameras = list(argument, cameras, "a list of Camera", |it: &Camera| it.model.clone())?;
     if cameras.is_empty() { Err(fault(argument, "none", "one camera or more")) } else { Ok(cameras) }
 }
 
@@ -231,10 +231,7 @@ fn scanned(mesh: &TriangleMesh) -> PyResult<ReferenceScan> {
 /// A scan that somebody took.
 fn own_scan(cameras: &Bound<'_, PyAny>, frames: &Bound<'_, PyAny>) -> PyResult<ReferenceScan> {
     let cameras = camera_list("object", cameras)?;
-    let wrong = || PyTypeError::new_err("object: expected images as a list of DepthFrame");
-    let one = |it: PyResult<Bound<'_, PyAny>>| Ok(it?.cast::<DepthFrame>().map_err(|_| wrong())?.get().copied());
-    let frames: Vec<catch_cell::DepthFrame> =
-        frames.try_iter().map_err(|_| wrong())?.map(one).collect::<PyResult<_>>()?;
+    let frames = list("object", frames, "images as a list of DepthFrame", DepthFrame::copied)?;
     for frame in &frames {
         let camera = cameras.get(frame.camera);
         if camera.is_none_or(|it| frame.window.intersection(&it.full_window()) != frame.window) || frame.mask.is_none()
@@ -294,7 +291,7 @@ impl Recorder {
     fn tick(&self, py: Python<'_>, observation: &Observation, command: &Command) -> PyResult<()> {
         let report = command.snapshot.as_ref().and_then(|it| it.report.as_ref());
         py.detach(|| {
-            let mut recorder = self.recorder.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut recorder = locked(&self.recorder);
             let recorder = recorder.as_mut().ok_or_else(finished)?;
             recorder.tick(observation.sensed(), &command.sent, report).map_err(|it| PyOSError::new_err(it.to_string()))
         })
@@ -303,7 +300,7 @@ impl Recorder {
     /// Ends the recording and gives the file its name.
     fn finish(&self, py: Python<'_>) -> PyResult<()> {
         py.detach(|| {
-            let recorder = self.recorder.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let recorder = locked(&self.recorder).take();
             let written = recorder.ok_or_else(finished)?.finish();
             written.map(drop).map_err(|it| PyOSError::new_err(it.to_string()))
         })

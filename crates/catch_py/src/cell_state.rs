@@ -15,7 +15,7 @@ use pyo3::{
 };
 use serde_json::{Value, json};
 
-use crate::arguments::{Numbers, Whole, fault, json_dict, name_of, number};
+use crate::arguments::{Numbers, Whole, fault, joint_vector, json_dict, list, name_of, number};
 
 /// Class and arguments from which another process makes a value again.
 pub type Made<'py> = (Bound<'py, PyAny>, Bound<'py, PyTuple>);
@@ -42,9 +42,7 @@ fn joints_within(argument: &str, values: &[f64], range: &Quantity) -> PyResult<J
     if let Some(value) = values.iter().find(|it| !range.contains(**it)) {
         return Err(fault(argument, value, range));
     }
-    let mut joints = JointVector::zeros();
-    joints.iter_mut().zip(values).for_each(|(joint, value)| *joint = *value);
-    Ok(joints)
+    Ok(joint_vector(values))
 }
 
 /// The arm as its robot controller reports it.
@@ -89,9 +87,7 @@ impl ArmState {
             }
         };
         let executing = executing.map(|it| it.checked(py, "executing", 0, u64::MAX)).transpose()?.map(TrajectoryId);
-        let wrong = || PyTypeError::new_err("rejected: expected a list of Rejection");
-        let one = |it: PyResult<Bound<'_, PyAny>>| Ok(it?.cast::<Rejection>().map_err(|_| wrong())?.get().rejected);
-        let rejected = rejected.map(|it| it.try_iter().map_err(|_| wrong())?.map(one).collect::<PyResult<Vec<_>>>());
+        let rejected = rejected.map(|all| list("rejected", all, "a list of Rejection", |it: &Rejection| it.rejected));
         let time_s = quantity("time_s", time_s, &quantity::CLOCK_S)?;
         let rejected = rejected.transpose()?.unwrap_or_default();
         Ok(Self { sensed: SensedArm { time_s, q, dq, commanded, executing, rejected }, dof })

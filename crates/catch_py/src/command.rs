@@ -6,10 +6,10 @@ use catch_body::MAX_JOINTS;
 use catch_cell::{ArmTrajectory, BSpline, Command as Sent, PixelWindow, TrajectoryId};
 use catch_lab::trial::StateSnapshot;
 use numpy::{PyArray1, PyArray2};
-use pyo3::{exceptions::PyTypeError, prelude::*};
+use pyo3::prelude::*;
 
 use crate::{
-    arguments::{MOST, Numbers, Whole, fault, number},
+    arguments::{MOST, Numbers, Whole, fault, instance, joint_vector, list, number},
     cell_state::Made,
     observation::{Window, window_of},
 };
@@ -52,8 +52,7 @@ impl Trajectory {
         if dof == 0 || dof > MAX_JOINTS {
             return Err(fault("control_points", format!("{dof} columns"), "one for each joint of the arm"));
         }
-        let control_points =
-            points.values.chunks_exact(dof).map(|row| Numbers { values: row.to_vec(), shape: vec![dof] }.joints());
+        let control_points = points.values.chunks_exact(dof).map(joint_vector);
         let spline = BSpline { knots_s: knots, control_points: control_points.collect() };
         if !spline.is_valid() || spline.start_s() >= spline.end_s() {
             let found = format!("{} for {} control points", spline.knots_s.len(), spline.control_points.len());
@@ -101,9 +100,7 @@ impl From<catch_cell::GripperMove> for GripperMove {
 impl GripperMove {
     /// Moves in a list.
     pub fn list(moves: &Bound<'_, PyAny>, argument: &str) -> PyResult<Vec<catch_cell::GripperMove>> {
-        let wrong = || PyTypeError::new_err(format!("{argument}: expected a list of GripperMove"));
-        let one = |it: PyResult<Bound<'_, PyAny>>| Ok(it?.cast::<Self>().map_err(|_| wrong())?.get().sent);
-        moves.try_iter().map_err(|_| wrong())?.map(one).collect()
+        list(argument, moves, "a list of GripperMove", |it: &Self| it.sent)
     }
 }
 
@@ -190,8 +187,8 @@ impl Command {
         gripper: Option<&Bound<'_, PyAny>>,
         windows: Option<Vec<Window>>,
     ) -> PyResult<Self> {
-        let wrong = |_| PyTypeError::new_err("trajectory: expected a Trajectory or None");
-        let trajectory = trajectory.map(|it| it.cast::<Trajectory>().map_err(wrong)).transpose()?.map(Bound::get);
+        let trajectory = trajectory.map(|it| instance::<Trajectory>("trajectory", it, "a Trajectory or None"));
+        let trajectory = trajectory.transpose()?;
         let moves = gripper.map(|moves| GripperMove::list(moves, "gripper"));
         let arm = trajectory.map(|it| ArmTrajectory { id: TrajectoryId(it.id), spline: it.spline.clone() });
         let window = |(left, top, width, height): Window| PixelWindow { left, top, width, height };

@@ -1,6 +1,6 @@
 //! Evaluations: many throws on all cores, as columns.
 
-use std::{fs, num::NonZero, thread};
+use std::fs;
 
 use catch_body::InputError;
 use catch_lab::{
@@ -8,6 +8,7 @@ use catch_lab::{
         BrainFactory, Cell, Evaluation, Row,
         trial_table::{self, Column, Kind},
     },
+    parallel,
     scenario::setup::Setup,
 };
 use numpy::IntoPyArray;
@@ -67,7 +68,7 @@ pub fn evaluate<'py>(py: Python<'py>, setup: &Setup, asked: Asked) -> PyResult<B
         };
         let cell = Cell::with_brain(setup.clone(), brain);
         let evaluation = Evaluation { cells: vec![cell], seed, first, trials };
-        let threads = threads.map_or_else(|| thread::available_parallelism().map_or(1, NonZero::get), |it| it as usize);
+        let threads = threads.map_or_else(parallel::threads, |it| it as usize);
         evaluation.run(0, threads, &mut |row, _| {
             rows.push(row);
             let told = python.check().and_then(|()| {

@@ -1,14 +1,14 @@
 //! The executor of commands, for cells that are written in Python.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 
 use catch_body::quantity;
 use catch_cell::{ArmTrajectory, Executor as CellExecutor, ExecutorConfig, GripperQueue as CellQueue, TrajectoryId};
 use numpy::PyArray2;
-use pyo3::{exceptions::PyTypeError, prelude::*};
+use pyo3::prelude::*;
 
 use crate::{
-    arguments::joints,
+    arguments::{instance, joints, locked},
     cell_state::{ArmState, Rejection, quantity, setpoint_array},
     command::{GripperMove, Trajectory},
     equipment::{Gripper, Robot},
@@ -20,12 +20,6 @@ use crate::{
 pub struct Executor {
     executor: Mutex<CellExecutor>,
     dof: usize,
-}
-
-impl Executor {
-    fn locked(&self) -> MutexGuard<'_, CellExecutor> {
-        self.executor.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 #[pymethods]
@@ -43,20 +37,19 @@ impl Executor {
     /// Takes a trajectory that arrives at `now_s`: it replaces from its start on all that was queued. If it
     /// is not taken: why; the next `arm_state` tells the brain.
     fn receive(&self, trajectory: &Bound<'_, PyAny>, now_s: &Bound<'_, PyAny>) -> PyResult<Option<Rejection>> {
-        let wrong = |_| PyTypeError::new_err("trajectory: expected a Trajectory");
-        let trajectory = trajectory.cast::<Trajectory>().map_err(wrong)?.get();
+        let trajectory: &Trajectory = instance("trajectory", trajectory, "a Trajectory")?;
         let now_s = quantity("now_s", now_s, &quantity::CLOCK_S)?;
         let id = TrajectoryId(trajectory.number());
         let sent = ArmTrajectory { id, spline: trajectory.spline().clone() };
         let rejected = |reason| Rejection::from(catch_cell::RejectedTrajectory { id, reason });
-        Ok(self.locked().receive(&sent, now_s).err().map(rejected))
+        Ok(locked(&self.executor).receive(&sent, now_s).err().map(rejected))
     }
 
     /// Position, velocity and acceleration of the joints that the arm should have at `time_s`, one a row. No
     /// earlier time is asked for afterwards.
     fn advance<'py>(&self, py: Python<'py>, time_s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let time_s = quantity("time_s", time_s, &quantity::CLOCK_S)?;
-        setpoint_array(py, &self.locked().advance(time_s), self.dof)
+        setpoint_array(py, &locked(&self.executor).advance(time_s), self.dof)
     }
 
     /// The state that the brain is told, with what was rejected since the last call: `q` and `dq` as the
@@ -64,7 +57,7 @@ impl Executor {
     fn arm_state(&self, time_s: &Bound<'_, PyAny>, q: &Bound<'_, PyAny>, dq: &Bound<'_, PyAny>) -> PyResult<ArmState> {
         let (q, dq) = (joints("q", q, self.dof)?, joints("dq", dq, self.dof)?);
         let time_s = quantity("time_s", time_s, &quantity::CLOCK_S)?;
-        Ok(ArmState { sensed: self.locked().arm_state(time_s, q, dq), dof: self.dof })
+        Ok(ArmState { sensed: locked(&self.executor).arm_state(time_s, q, dq), dof: self.dof })
     }
 }
 
@@ -86,7 +79,7 @@ impl GripperQueue {
     fn receive(&self, moves: &Bound<'_, PyAny>, now_s: &Bound<'_, PyAny>) -> PyResult<()> {
         let moves = GripperMove::list(moves, "moves")?;
         let now_s = quantity("now_s", now_s, &quantity::CLOCK_S)?;
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner).receive(&moves, now_s);
+        locked(&self.queue).receive(&moves, now_s);
         Ok(())
     }
 
@@ -99,7 +92,7 @@ impl GripperQueue {
     ) -> PyResult<Option<GripperMove>> {
         let time_s = quantity("time_s", time_s, &quantity::CLOCK_S)?;
         let latency_s = latency_s.map_or(Ok(0.0), |it| quantity("latency_s", it, &quantity::LATENCY_S))?;
-        let mut queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut queue = locked(&self.queue);
         Ok(queue.take_due(time_s, |start_s| start_s + latency_s).map(GripperMove::from))
     }
 }

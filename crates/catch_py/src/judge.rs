@@ -5,7 +5,7 @@ use catch_lab::referee::cell_samples::{CellSample, why_not_held};
 use pyo3::{exceptions::PyTypeError, prelude::*, types::PyDict};
 
 use crate::{
-    arguments::{Numbers, fault, name_of, number},
+    arguments::{Numbers, fault, joint_vector, name_of, number},
     camera::pose,
 };
 
@@ -53,7 +53,7 @@ pub fn judge(
             X_WO: objects[i],
             width_m: widths[i],
             commanded_width_m: commanded[i],
-            dq: Numbers { values: speeds.values[i * dof..(i + 1) * dof].to_vec(), shape: vec![dof] }.joints(),
+            dq: joint_vector(&speeds.values[i * dof..(i + 1) * dof]),
             touches: std::array::from_fn(touches),
         }
     };

@@ -1,6 +1,6 @@
 //! Observations of the cell as Python objects.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use catch_body::quantity;
 use catch_cell::{Observation as Sensed, PixelWindow};
@@ -8,7 +8,7 @@ use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUnt
 use pyo3::{exceptions::PyTypeError, prelude::*};
 
 use crate::{
-    arguments::{Whole, fault},
+    arguments::{Whole, fault, instance, locked},
     cell_state::{ArmState, GripperState, Made, quantity},
 };
 
@@ -48,11 +48,10 @@ impl Observation {
         gripper: &Bound<'py, PyAny>,
         frames: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
-        let wrong = |argument: &str, kind: &str| PyTypeError::new_err(format!("{argument}: expected {kind}"));
         let time_s = quantity("time_s", time_s, &quantity::CLOCK_S)?;
-        let arm = arm.cast::<ArmState>().map_err(|_| wrong("arm", "an ArmState"))?.get();
-        let gripper = gripper.cast::<GripperState>().map_err(|_| wrong("gripper", "a GripperState"))?.get();
-        let unlisted = || wrong("frames", "a list of DepthFrame");
+        let arm: &ArmState = instance("arm", arm, "an ArmState")?;
+        let gripper: &GripperState = instance("gripper", gripper, "a GripperState")?;
+        let unlisted = || PyTypeError::new_err("frames: expected a list of DepthFrame");
         let one = |it: PyResult<Bound<'py, PyAny>>| {
             let frame = it?.cast_into::<DepthFrame>().map_err(|_| unlisted())?;
             let capture_s = frame.get().capture_s();
@@ -139,7 +138,7 @@ impl Image {
 
 impl DepthFrame {
     fn lock(&self) -> MutexGuard<'_, Image> {
-        self.image.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.image)
     }
 
     /// Returns a copy of the image, as the contract has it.

@@ -3,6 +3,8 @@
 use catch_body::JointVector;
 use catch_cell::{ArmTrajectory, BSpline, Command, GripperMove, Observation, Setpoint, TrajectoryId};
 use catch_lab::{scenario::setup::Setup, trial::steering::Steering};
+
+use crate::arguments::joint_vector;
 /// Trajectories that are remembered: more than are sent until one is told to be rejected.
 const REMEMBERED: usize = 64;
 
@@ -46,7 +48,9 @@ impl SteeredArm {
 
     /// Acts as far as the limits allow.
     pub fn command(&mut self, setup: &Setup, sensed: &Observation, start_s: f64, action: &[f64]) -> Command {
-        let (wanted, closes) = (joints(setup, action), action[setup.robot.dof()] > 0.0);
+        let dof = setup.robot.dof();
+        let wanted = joint_vector(&action[..dof]).map(|it| it.clamp(-1.0, 1.0));
+        let closes = action[dof] > 0.0;
         self.sent.retain(|(id, _)| sensed.arm.rejected.iter().all(|it| it.id.0 != *id));
         let newest = self.sent.last().map(|(_, motion)| motion.setpoint(start_s));
         let start = newest.unwrap_or(Setpoint::at_rest(sensed.arm.commanded.q));
@@ -75,11 +79,4 @@ impl SteeredArm {
         }
         command
     }
-}
-
-/// The numbers of an action that are for joints.
-fn joints(setup: &Setup, action: &[f64]) -> JointVector {
-    let mut joints = JointVector::zeros();
-    joints.iter_mut().zip(&action[..setup.robot.dof()]).for_each(|(joint, value)| *joint = value.clamp(-1.0, 1.0));
-    joints
 }

@@ -4,6 +4,7 @@ use catch_body::{JointVector, Pose, Twist};
 use catch_bot::Report;
 use catch_cell::Observation;
 use catch_lab::scenario::setup::Setup;
+use catch_view::points::points_of;
 
 /// Points of a cloud.
 const CLOUD_POINTS: usize = 512;
@@ -61,9 +62,10 @@ pub fn depth(setup: &Setup, sensed: &Observation) -> SeenArray {
 
 /// Some of the points that the cameras measured.
 pub fn cloud(setup: &Setup, sensed: &Observation) -> SeenArray {
-    let points = points(setup, sensed);
+    let points = points_of(&sensed.frames, &setup.cameras);
     let step = points.len().div_ceil(CLOUD_POINTS).max(1);
-    let mut values: Vec<f32> = points.iter().step_by(step).flatten().copied().collect();
+    let mut values: Vec<f32> =
+        points.iter().step_by(step).flat_map(|p| p.coords.data.0[0].map(|it| it as f32)).collect();
     values.resize(3 * CLOUD_POINTS, 0.0);
     ("cloud", vec![CLOUD_POINTS, 3], values)
 }
@@ -79,20 +81,4 @@ fn of_object(X_WO: &Pose, V_WO: &Twist) -> [f64; 14] {
     ];
     values.iter_mut().zip(parts.concat()).for_each(|(value, part)| *value = part);
     values
-}
-
-/// Points in W that the cameras measured: those of the object where they can tell.
-fn points(setup: &Setup, sensed: &Observation) -> Vec<[f32; 3]> {
-    let mut points = Vec::new();
-    for frame in &sensed.frames {
-        let camera = &setup.cameras[frame.camera];
-        for (i, depth_m) in frame.depth_m.iter().enumerate().filter(|(_, depth_m)| depth_m.is_finite()) {
-            if frame.mask.as_ref().is_none_or(|mask| mask[i]) {
-                let p_C = camera.back_project(&frame.window.pixel_centre(i), f64::from(*depth_m));
-                let p_W = camera.X_WC * p_C;
-                points.push([p_W.x as f32, p_W.y as f32, p_W.z as f32]);
-            }
-        }
-    }
-    points
 }

@@ -1,7 +1,7 @@
 //! Brains that are written in Python.
 
 use std::sync::{
-    Arc, Mutex, PoisonError,
+    Arc, Mutex,
     atomic::{AtomicBool, Ordering},
 };
 
@@ -11,7 +11,7 @@ use catch_lab::evaluation::BrainFactory;
 use catch_recording::brain::ObservedBrain;
 use pyo3::{call::PyCallArgs, exceptions::PyTypeError, prelude::*};
 
-use crate::{command, observation};
+use crate::{arguments::locked, command, observation};
 
 /// Reason of the end of an evaluation: the first exception of anything that is written in Python.
 #[derive(Clone, Default)]
@@ -24,7 +24,7 @@ pub struct Ending {
 impl Ending {
     /// The exception, if there was one.
     pub fn check(&self) -> PyResult<()> {
-        self.fault.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
+        locked(&self.fault).take().map_or(Ok(()), Err)
     }
 
     /// Ends the evaluation: nothing is asked any more.
@@ -40,7 +40,7 @@ impl Ending {
     /// Ends the evaluation with an exception.
     pub fn fail(&self, fault: PyErr) {
         self.come();
-        self.fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(fault);
+        locked(&self.fault).get_or_insert(fault);
     }
 }
 

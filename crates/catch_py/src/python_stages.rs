@@ -1,6 +1,6 @@
 //! Stages of the brain that are written in Python: a flight predictor, a catch planner.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use catch_body::{JointVector, Pose};
 use catch_bot::{
@@ -16,7 +16,7 @@ use numpy::{PyArray1, PyArray2, ToPyArray};
 use pyo3::prelude::*;
 
 use crate::{
-    arguments::{fault, number},
+    arguments::{fault, locked, number},
     cell_state::joint_array,
     command::Trajectory,
     flight::Flight,
@@ -82,7 +82,7 @@ impl CatchPlanner for PythonPlanner {
     }
 
     fn reset(&mut self) {
-        self.ours.lock().unwrap_or_else(PoisonError::into_inner).reset();
+        locked(&self.ours).reset();
     }
 }
 
@@ -221,7 +221,7 @@ impl Situation {
 
     /// Decision of the scenario's planner.
     fn ours(&self, py: Python<'_>) -> Plan {
-        let decision = py.detach(|| self.ours.lock().unwrap_or_else(PoisonError::into_inner).plan(&self.shown()));
+        let decision = py.detach(|| locked(&self.ours).plan(&self.shown()));
         Plan::new(decision, self.dof())
     }
 

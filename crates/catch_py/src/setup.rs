@@ -19,7 +19,9 @@ use pyo3::{
 };
 
 use crate::{
-    arguments::{MOST, Named, Numbers, Whole, fault, input_fault, interruptible, joints, json_dict, number, settings},
+    arguments::{
+        MOST, Named, Numbers, Whole, fault, input_fault, instance, interruptible, joints, json_dict, number, settings,
+    },
     brain::Brain,
     camera::Camera,
     cell_state::joint_array,
@@ -271,8 +273,7 @@ impl Setup {
                 return Err(fault("dq", dq[i], format!("{low} to {high} for joint {i}")));
             }
         }
-        let expected = |_| PyTypeError::new_err("flight: expected a Flight");
-        let flight = flight.cast::<Flight>().map_err(expected)?.get().trajectory()?;
+        let flight = instance::<Flight>("flight", flight, "a Flight")?.trajectory()?;
         let time_s = number("now_s", now_s)?;
         let start = Start { time_s, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
         let decision = py.detach(|| catch_plan::plan(&self.lab, start, flight));

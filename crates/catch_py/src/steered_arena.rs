@@ -1,7 +1,7 @@
 //! The arena for learned policies: actions are accelerations of the joints, observations are arrays of one
 //! shape.
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock};
 
 use catch_bot::{
     CatchingBot,
@@ -25,7 +25,7 @@ use pyo3::{
 };
 
 use crate::{
-    arguments::{Numbers, fault, json_dict},
+    arguments::{Numbers, fault, json_dict, locked},
     policy_actor::{Action, SteeredArm},
     policy_view::{self, SeenArray, View},
     trial::line,
@@ -96,7 +96,7 @@ impl SteeredArena {
 
     fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut State) -> PyResult<T> + Send) -> PyResult<T> {
         py.detach(|| {
-            let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut state = locked(&self.state);
             work(state.as_mut().ok_or_else(|| PyRuntimeError::new_err("arena: it is closed"))?)
         })
     }
@@ -219,6 +219,6 @@ impl SteeredArena {
 
     /// Frees what the arena holds. It may be closed more than once.
     fn close(&self, py: Python<'_>) {
-        py.detach(|| *self.state.lock().unwrap_or_else(PoisonError::into_inner) = None);
+        py.detach(|| *locked(&self.state) = None);
     }
 }

@@ -1,7 +1,7 @@
 //! The arena, tick by tick.
 
 use std::{
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex},
     time::Instant,
 };
 
@@ -12,13 +12,13 @@ use catch_lab::{
     trial::{Episode, StateSnapshot, stopwatch::Stopwatch},
 };
 use pyo3::{
-    exceptions::{PyRuntimeError, PyTypeError},
+    exceptions::PyRuntimeError,
     prelude::*,
     types::{PyBytes, PyDict},
 };
 
 use crate::{
-    arguments::{fault, json_dict},
+    arguments::{fault, instance, json_dict, locked},
     command::Command,
     observation::Observation,
     trial::line,
@@ -50,7 +50,7 @@ impl Arena {
     }
 
     fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut State) -> PyResult<T> + Send) -> PyResult<T> {
-        py.detach(|| work(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner)))
+        py.detach(|| work(&mut locked(&self.state)))
     }
 
     fn act_on(&self, state: &mut State, command: &catch_cell::Command, told: Option<&StateSnapshot>) -> PyResult<()> {
@@ -108,8 +108,7 @@ impl Arena {
     /// Passes a command on, or none.
     #[pyo3(signature = (command=None))]
     fn act(&self, py: Python<'_>, command: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
-        let expected = |_| PyTypeError::new_err("command: expected a Command or None");
-        let command = command.map(|it| it.cast::<Command>().map_err(expected)).transpose()?.map(Bound::get);
+        let command = command.map(|it| instance::<Command>("command", it, "a Command or None")).transpose()?;
         let windows = command.and_then(|it| it.sent.windows.as_ref());
         if windows.is_some_and(|windows| windows.len() != self.setup.cameras.len()) {
             return Err(fault("command", "one for other cameras", "one of a brain of this setup"));

@@ -16,7 +16,7 @@ use pyo3::{
 };
 
 use crate::{
-    arguments::{fault, input_fault, json_dict},
+    arguments::{fault, input_fault, json_dict, name_of},
     cell_state::Made,
 };
 
@@ -66,10 +66,8 @@ impl Trial {
 
     /// Reason of the miss, if the object was not caught.
     #[getter]
-    fn reason(&self) -> PyResult<Option<String>> {
-        let reason = serde_json::to_value(self.row.verdict.reason);
-        let reason = reason.map_err(|it| PyRuntimeError::new_err(format!("the reason: {it}")))?;
-        Ok(reason.as_str().map(str::to_owned))
+    fn reason(&self) -> Option<String> {
+        self.row.verdict.reason.map(name_of)
     }
 
     /// The row of this throw in an evaluation.
@@ -107,10 +105,10 @@ impl Trial {
         Ok(format!("<iframe srcdoc=\"{page}\" style=\"width: 100%; height: 640px; border: 0\"></iframe>"))
     }
 
-    fn __repr__(&self) -> PyResult<String> {
+    fn __repr__(&self) -> String {
         let scene = &self.row.scene;
-        let outcome = self.reason()?.unwrap_or_else(|| "caught".to_owned());
+        let outcome = self.reason().unwrap_or_else(|| "caught".to_owned());
         let (seed, index) = (scene.seed, scene.index);
-        Ok(format!("<Trial {} {}, seed {seed}, index {index}: {outcome}>", scene.object, scene.throw))
+        format!("<Trial {} {}, seed {seed}, index {index}: {outcome}>", scene.object, scene.throw)
     }
 }

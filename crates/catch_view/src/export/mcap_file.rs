@@ -38,7 +38,6 @@ use mcap::{
 use prost::{Message, Name};
 use serde::Serialize;
 
-use super::urdf::base_link;
 use crate::{
     playback::{MotionSample, Playback},
     points::points_of,
@@ -82,8 +81,7 @@ pub fn mcap(playback: &Playback, images: Images) -> Result<(Vec<u8>, usize), Mca
     for metadata in metadata(playback, images_every) {
         log.writer.write_metadata(&metadata)?;
     }
-    let links = links(playback);
-    let links: Vec<&str> = links.iter().map(String::as_str).collect();
+    let links: Vec<&str> = playback.robot.link_names().collect();
     let surface = playback.ground_truth().map(|it| it.surface.mesh());
     let start_s = playback.ticks.first().map_or(0.0, |tick| tick.observation.time_s);
     let entities = scene::entities(&playback.robot, &links, &playback.gripper, surface.as_ref(), start_s);
@@ -134,12 +132,6 @@ fn fields(value: &impl Serialize) -> BTreeMap<String, String> {
     };
     let text = |value: serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     fields.into_iter().map(|(name, value)| (name, text(value))).collect()
-}
-
-/// Names of the arm's links, the base first.
-fn links(playback: &Playback) -> Vec<String> {
-    let base = base_link(&playback.header.cell.sources.robot_urdf);
-    std::iter::once(base).chain(playback.robot.joints.iter().map(|joint| joint.link_name.clone())).collect()
 }
 
 /// Every how manieth tick's images fit in.

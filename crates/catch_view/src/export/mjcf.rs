@@ -19,6 +19,8 @@ use catch_sim::{
 };
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
+use crate::pages::packed::text_in_html;
+
 /// Groups of geoms: what cameras see, and what only collides.
 const SEEN: u32 = 1;
 const COLLIDES: u32 = 3;
@@ -52,7 +54,7 @@ pub fn scene(setup: &Setup, seed: u64, index: u64) -> String {
             let _ = writeln!(pairs, "<pair geom1=\"object:{part}\" geom2=\"{other}\" {contact}/>");
         }
     }
-    let name = escaped(&format!("{} with {}, {}", robot.name, gripper.name, object.name));
+    let name = text_in_html(&format!("{} with {}, {}", robot.name, gripper.name, object.name));
     format!(
         "<mujoco model=\"{name}\">\n\
          <compiler angle=\"radian\" autolimits=\"true\"/>\n\
@@ -109,9 +111,9 @@ fn arm(robot: &Robot, gripper: &Gripper, drive_kg: f64) -> String {
         let _ = write!(
             text,
             "<body name=\"arm/{}\" {}>\n<joint name=\"arm/{}\" axis=\"{}\" range=\"{}\" damping=\"{}\" armature=\"{}\"/>\n{}{}",
-            escaped(&joint.link_name),
+            text_in_html(&joint.link_name),
             placed(&joint.X_PL),
-            escaped(&joint.name),
+            text_in_html(&joint.name),
             numbers(<[f64; 3]>::from(joint.axis.into_inner())),
             numbers([joint.limits.lower, joint.limits.upper]),
             joint.damping,
@@ -213,7 +215,7 @@ fn rebound(damping_per_s: f64, rate_per_s: f64) -> f64 {
 }
 
 fn motors(robot: &Robot, gripper: &Gripper) -> String {
-    let joints = robot.joints.iter().map(|it| (format!("arm/{}", escaped(&it.name)), it.limits.torque));
+    let joints = robot.joints.iter().map(|it| (format!("arm/{}", text_in_html(&it.name)), it.limits.torque));
     let fingers = ["left", "right"].map(|it| (it.to_owned(), gripper.max_force_n));
     let motor = |(name, most): (String, f64)| {
         format!("<motor name=\"{name}\" joint=\"{name}\" ctrlrange=\"{}\"/>\n", numbers([-most, most]))
@@ -289,8 +291,4 @@ fn real_first(q: &UnitQuaternion<f64>) -> [f64; 4] {
 fn numbers(values: impl IntoIterator<Item = f64>) -> String {
     let texts: Vec<String> = values.into_iter().map(|it| it.to_string()).collect();
     texts.join(" ")
-}
-
-fn escaped(name: &str) -> String {
-    name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }

@@ -121,20 +121,6 @@ messages! {
         message: String = [string, tag = "3"],
         name: String = [string, tag = "4"],
     }
-    /// A box or a ball: its full extents.
-    SizedPrimitive {
-        pose: Option<PoseMessage> = [message, optional, tag = "1"],
-        size: Option<Vector3> = [message, optional, tag = "2"],
-        color: Option<Color> = [message, optional, tag = "3"],
-    }
-    /// A cylinder along z.
-    CylinderPrimitive {
-        pose: Option<PoseMessage> = [message, optional, tag = "1"],
-        size: Option<Vector3> = [message, optional, tag = "2"],
-        bottom_scale: f64 = [double, tag = "3"],
-        top_scale: f64 = [double, tag = "4"],
-        color: Option<Color> = [message, optional, tag = "5"],
-    }
     TriangleListPrimitive {
         pose: Option<PoseMessage> = [message, optional, tag = "1"],
         points: Vec<Vector3> = [message, repeated, tag = "2"],
@@ -147,9 +133,6 @@ messages! {
         frame_id: String = [string, tag = "2"],
         id: String = [string, tag = "3"],
         frame_locked: bool = [bool, tag = "5"],
-        cubes: Vec<SizedPrimitive> = [message, repeated, tag = "8"],
-        spheres: Vec<SizedPrimitive> = [message, repeated, tag = "9"],
-        cylinders: Vec<CylinderPrimitive> = [message, repeated, tag = "10"],
         triangles: Vec<TriangleListPrimitive> = [message, repeated, tag = "12"],
     }
     /// Entities that are visible from now on.

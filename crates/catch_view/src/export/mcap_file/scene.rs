@@ -38,7 +38,6 @@ pub fn entities(
                     id: frame.to_owned(),
                     frame_locked: true,
                     triangles: vec![triangles(&surface)],
-                    ..SceneEntity::default()
                 }),
             }
         }
