@@ -98,11 +98,8 @@ impl SrsArm {
             return None;
         }
         let X_WL = robot.link_poses(&JointVector::zeros());
-        let mut axes = [Unit::new_unchecked(Vector3::z()); 7];
-        let mut origins = [Point3::origin(); 7];
-        for i in 0..7 {
-            (axes[i], origins[i]) = robot.joint_axis(&X_WL, i);
-        }
+        let lines: [_; 7] = std::array::from_fn(|i| robot.joint_axis(&X_WL, i));
+        let (axes, origins) = (lines.map(|it| it.0), lines.map(|it| it.1));
         let lies_along = |i: usize, along: &Vector3<f64>| {
             let off_line = along.cross(&(origins[i] - origins[0])).norm();
             axes[i].cross(along).norm() < TOLERANCE && off_line < TOLERANCE

@@ -83,11 +83,20 @@ pub fn groups_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Vec
 /// The groups of a file that is not too large, their numbers finite and their indices within range.
 fn read_groups(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Soup>, InputError> {
     InputError::positive(file, "scale", scale)?;
-    if bytes.len() > MAX_FILE_BYTES {
-        let expected = format!("a mesh file of at most {} MiB", MAX_FILE_BYTES >> 20);
-        return Err(InputError::new(file, "size", format!("{} MiB", bytes.len() >> 20), expected));
-    }
+    check_size(file, bytes)?;
     checked(file, groups_of(file, bytes)?)
+}
+
+/// Refuses more bytes than a mesh file may have.
+///
+/// # Errors
+/// If there are more than [`MAX_FILE_BYTES`].
+pub fn check_size(file: &str, bytes: &[u8]) -> Result<(), InputError> {
+    if bytes.len() <= MAX_FILE_BYTES {
+        return Ok(());
+    }
+    let expected = format!("a mesh file of at most {} MiB", MAX_FILE_BYTES >> 20);
+    Err(InputError::new(file, "size", format!("{} MiB", bytes.len() >> 20), expected))
 }
 
 /// The extension of a file's name in lower case.

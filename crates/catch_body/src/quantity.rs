@@ -195,8 +195,8 @@ impl<'de, T: Numbers<'de>> Visitor<'de> for List<T> {
     }
 }
 
-/// Reads one element of a list.
-struct Element<T>(Quantity, PhantomData<T>);
+/// Reads numbers that stand in a list or a table.
+pub(crate) struct Element<T>(pub(crate) Quantity, pub(crate) PhantomData<T>);
 
 impl<'de, T: Numbers<'de>> DeserializeSeed<'de> for Element<T> {
     type Value = T;

@@ -5,15 +5,12 @@ use std::{fmt, marker::PhantomData};
 
 use serde::{
     Deserializer, Serialize,
-    de::{
-        DeserializeSeed, Error, IntoDeserializer, MapAccess, SeqAccess, Unexpected, Visitor,
-        value::SeqAccessDeserializer,
-    },
+    de::{Error, IntoDeserializer, MapAccess, SeqAccess, Unexpected, Visitor, value::SeqAccessDeserializer},
 };
 
 use crate::{
     InputError,
-    quantity::{Numbers, Quantity},
+    quantity::{Element, Numbers, Quantity},
 };
 
 /// A value of a file, and why it is assumed where nobody published it.
@@ -71,7 +68,7 @@ impl<'de, T: Numbers<'de>> Visitor<'de> for StatedVisitor<T> {
         let (mut value, mut assumed, mut reason) = (None, None, None);
         while let Some(name) = fields.next_key::<String>()? {
             match name.as_str() {
-                "value" => value = Some(fields.next_value_seed(Within(self.0, PhantomData::<T>))?),
+                "value" => value = Some(fields.next_value_seed(Element(self.0, PhantomData::<T>))?),
                 "assumed" => assumed = Some(fields.next_value::<bool>()?),
                 "reason" => reason = Some(fields.next_value::<String>()?),
                 _ => return Err(A::Error::unknown_field(&name, &["value", "assumed", "reason"])),
@@ -95,16 +92,6 @@ pub(crate) fn reason_of<E: Error>(assumed: bool, reason: Option<String>) -> Resu
             Err(E::invalid_value(Unexpected::Str(&reason), &"the reason for an assumed value"))
         }
         Some(reason) => Ok(Some(reason)),
-    }
-}
-
-struct Within<T>(Quantity, PhantomData<T>);
-
-impl<'de, T: Numbers<'de>> DeserializeSeed<'de> for Within<T> {
-    type Value = T;
-
-    fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<T, D::Error> {
-        T::within(self.0, from)
     }
 }
 

@@ -311,10 +311,17 @@ impl<'a> Element<'a> {
         let mass = self.required("mass")?.number("value", mass_kg)?;
         let X_LC = self.origin(offset_m)?;
         let inertia = self.required("inertia")?;
-        let moment = |name: &'static str| inertia.number(name, moment_kgm2);
-        let (xx, yy, zz) = (moment("ixx")?, moment("iyy")?, moment("izz")?);
-        let (xy, xz, yz) = (moment("ixy")?, moment("ixz")?, moment("iyz")?);
-        let about_com = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        let about_com = moments(|name| inertia.number(name, moment_kgm2))?;
         Ok(Inertia { mass, com: Point3::origin(), about_com }.transformed(&X_LC))
     }
+}
+
+/// The matrix of moments of inertia, each by its name in a description, as `ixy`.
+///
+/// # Errors
+/// Those of `moment`.
+pub fn moments(moment: impl Fn(&'static str) -> Result<f64, InputError>) -> Result<Matrix3<f64>, InputError> {
+    let (xx, yy, zz) = (moment("ixx")?, moment("iyy")?, moment("izz")?);
+    let (xy, xz, yz) = (moment("ixy")?, moment("ixz")?, moment("iyz")?);
+    Ok(Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz))
 }

@@ -31,7 +31,7 @@ use super::{OutputArguments, ThrowArguments, view};
 use crate::{
     calibrate,
     screen::{self, BAD, FAINT, GOOD, STRONG},
-    watch::{self, Watch},
+    watch::Watch,
 };
 
 /// Arguments of `catch`.
@@ -100,7 +100,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     written.insert("page", page.clone());
     if let Some(watch) = watch {
         let page = page.clone();
-        watch.thrown(watch::label(&scene), verdict.reason, move || Ok(fs::read_to_string(&page)?));
+        watch.thrown(scene.label(), verdict.reason, move || Ok(fs::read_to_string(&page)?));
         watch.end();
     }
 

@@ -2,12 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use catch_lab::evaluation::comparison::{Comparison, Counts, Pair};
+use catch_lab::{
+    evaluation::comparison::{Comparison, Counts, Pair},
+    parallel,
+};
 use catch_recording::whole_file::{self, make_writable};
 use catch_view::pages::compare_page::{self, interval, points};
 use serde::Serialize;
 
-use crate::{eval::Pace, screen};
+use crate::screen;
 
 /// Default folder of the page.
 pub const FOLDER: &str = "out/compared";
@@ -41,7 +44,7 @@ pub fn run(folders: [&PathBuf; 2], folder: &Path, json: bool) -> anyhow::Result<
     make_writable(folder, "--out")?;
     let names = folders.map(|it| it.file_name().unwrap_or_default().to_string_lossy().into_owned());
     let names = if names[0] == names[1] { ["A", "B"] } else { [&*names[0], &names[1]] };
-    let pages = compare_page::record_pairs(&comparison, names, Pace::new(false, None).threads, folder)?;
+    let pages = compare_page::record_pairs(&comparison, names, parallel::threads(), folder)?;
     let page = folder.join(PAGE);
     whole_file::write(&page, compare_page::page(&comparison, names, &pages))?;
     let cells = comparison.counts();

@@ -33,7 +33,7 @@ use clap::Args;
 use comfy_table::Table;
 use serde::Serialize;
 
-use super::{ChoiceArguments, MOST, whole};
+use super::{ChoiceArguments, MOST, each_or_default, whole};
 use crate::{
     calibrate::{self, CameraDocument},
     place_cameras::RigDocument,
@@ -184,9 +184,9 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         screen::fact("cameras", &score.summary(setup.scenario.brain.grasp_selection.finger_margin_m))?;
     }
     let rig = score.map(|it| RigDocument::of(&setup.scenario.flight_rig, &it));
-    let pace = Pace::from(arguments);
+    let threads = arguments.threads.map_or_else(parallel::threads, |it| it as usize);
     let watch = Watch::start(arguments.watch, &format!("Scenario {}", setup.scenario.name), Some(evaluation.len()))?;
-    let done = complete(&evaluation, folder, pace, watch.as_ref())?;
+    let done = complete(&evaluation, folder, (arguments.resume, threads), watch.as_ref())?;
     if let Some(watch) = watch {
         watch.end();
     }
@@ -195,8 +195,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let wall_s = started.elapsed().as_secs_f64();
     let identity = evaluation.identity();
     let cells = identity.summarize(rows);
-    let times =
-        Times { wall_s, threads: pace.threads, trials: *timed, stages: stopwatch.summary().into_iter().collect() };
+    let times = Times { wall_s, threads, trials: *timed, stages: stopwatch.summary().into_iter().collect() };
     // If nothing was left to run, the times of the run that did it all stay, and so does the report that
     // shows them.
     let is_new = times.trials > 0 || !folder.join(TIMES_FILE).exists();
@@ -205,7 +204,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         whole_file::write(&folder.join(TIMES_FILE), text)?;
     }
     if is_new || arguments.plots {
-        write_report(&evaluation, &done, (MOST_MISSES, pace.threads), arguments.plots, folder)?;
+        write_report(&evaluation, &done, (MOST_MISSES, threads), arguments.plots, folder)?;
     }
     if arguments.markdown {
         screen::text(&summary_table::markdown(&identity, &cells))?;
@@ -234,7 +233,7 @@ pub struct Done {
 pub fn complete(
     evaluation: &Evaluation,
     folder: &Path,
-    Pace { resume, threads }: Pace,
+    (resume, threads): (bool, usize),
     watch: Option<&Watch>,
 ) -> Result<Done, InputError> {
     let (mut results, mut rows) = Results::open(folder, evaluation, resume)?;
@@ -259,7 +258,7 @@ pub fn complete(
             |it: &&Arc<Setup>| (&it.scenario.object, &it.scenario.throw) == (&row.scene.object, &row.scene.throw);
         if let Some((watch, setup)) = watch.zip(setups.iter().find(is_of)) {
             let (setup, seed, index) = (setup.clone(), row.scene.seed, row.scene.index);
-            watch.thrown(watch::label(&row.scene), row.verdict.reason, move || watch::again(&setup, seed, index));
+            watch.thrown(row.scene.label(), row.verdict.reason, move || watch::again(&setup, seed, index));
         }
         rows.push(row);
         Ok(())
@@ -267,29 +266,6 @@ pub fn complete(
     bar.finish_and_clear();
     results.finish(&rows)?;
     Ok(Done { timed: rows.len() - done_before, rows, stopwatch })
-}
-
-/// Pace of the trials.
-#[derive(Debug, Clone, Copy)]
-pub struct Pace {
-    /// True if existing results are continued.
-    pub resume: bool,
-    /// Trials at the same time.
-    pub threads: usize,
-}
-
-impl Pace {
-    /// Creates the pace that the arguments ask for: `threads` at a time, or one per core.
-    pub fn new(resume: bool, threads: Option<u64>) -> Self {
-        let threads = threads.map(|threads| threads as usize);
-        Self { resume, threads: threads.unwrap_or_else(parallel::threads) }
-    }
-}
-
-impl From<&EvalArguments> for Pace {
-    fn from(arguments: &EvalArguments) -> Self {
-        Self::new(arguments.resume, arguments.threads)
-    }
 }
 
 /// The report as a page, with pages of the first misses, and the plots if they are wanted.
@@ -318,13 +294,10 @@ pub fn write_report(
 
 /// Every object with every throw.
 fn evaluation(arguments: &EvalArguments) -> Result<Evaluation, InputError> {
-    let or_default = |names: &[String]| -> Vec<Option<String>> {
-        if names.is_empty() { vec![None] } else { names.iter().cloned().map(Some).collect() }
-    };
     let mut cells: Vec<Cell> = Vec::new();
-    for object in or_default(&arguments.object) {
+    for object in each_or_default(&arguments.object) {
         let mut of_object: Option<Setup> = None;
-        for throw in or_default(&arguments.throw) {
+        for throw in each_or_default(&arguments.throw) {
             let setup = match (&of_object, &throw) {
                 (Some(setup), Some(throw)) => setup.thrown(throw)?,
                 _ => Setup::load(&arguments.choice.with(object.as_deref(), throw.as_deref()))?,

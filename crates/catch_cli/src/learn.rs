@@ -66,12 +66,8 @@ const LEAST_THROWS: usize = 5;
 struct Row {
     object: String,
     seen: String,
-    throws: usize,
-    failed: usize,
-    median_m: f64,
-    p95_m: f64,
-    /// Fractions of the ends in the ellipsoids that claim 50, 80, 95 and 99 %.
-    covered: [f64; 4],
+    #[serde(flatten)]
+    reliability: Reliability,
 }
 
 #[derive(Debug, Serialize)]
@@ -162,12 +158,11 @@ fn rows(tables: Vec<(String, Misses)>) -> Vec<Row> {
     });
     for (object, misses) in tables.into_iter().chain(pooled) {
         for (seen, misses) in Seen::ALL.into_iter().zip(&misses) {
-            let Reliability { throws, failed, median_m, p95_m, covered } = Reliability::of(misses);
             let seen = match seen {
                 Seen::Half => "half".to_owned(),
                 Seen::AllBut(left_s) => format!("{left_s} s to go"),
             };
-            rows.push(Row { object: object.clone(), seen, throws, failed, median_m, p95_m, covered });
+            rows.push(Row { object: object.clone(), seen, reliability: Reliability::of(misses) });
         }
     }
     rows
@@ -182,7 +177,7 @@ fn table(rows: &[Row]) -> String {
     text.push_str("\n|---|---|---|---|---|---|---|---|---|---|\n");
     for row in rows {
         let object = plain(&row.object);
-        let Row { seen, throws, failed, median_m, p95_m, covered, .. } = row;
+        let Row { seen, reliability: Reliability { throws, failed, median_m, p95_m, covered }, .. } = row;
         let (median_cm, p95_cm) = (median_m * 100.0, p95_m * 100.0);
         let _ = write!(text, "| {object} | {seen} | {throws} | {failed} | {median_cm:.2} | {p95_cm:.1} |");
         for fraction in covered {

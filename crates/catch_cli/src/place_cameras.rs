@@ -118,12 +118,8 @@ struct Document<'a> {
 pub struct RigDocument {
     rig: String,
     cameras: usize,
-    shown_by_one: f64,
-    shown_by_two: f64,
-    /// Fraction of each camera's images.
-    shown: Vec<f64>,
-    /// Fraction of the arm's joints that each camera shows, over random postures.
-    arm_shown: Vec<f64>,
+    #[serde(flatten)]
+    score: Score,
     /// Standard deviation along each axis of the position at the catch, predicted at the decision: median and
     /// 90 %.
     decision_sd_median_m: f64,
@@ -139,10 +135,7 @@ impl RigDocument {
         Self {
             rig: rig.to_owned(),
             cameras: score.shown.len(),
-            shown_by_one: score.shown_by_one,
-            shown_by_two: score.shown_by_two,
-            shown: score.shown.clone(),
-            arm_shown: score.arm_shown.clone(),
+            score: score.clone(),
             decision_sd_median_m: quantile_m(&score.decision_sd_m, 0.5),
             decision_sd_90_m: quantile_m(&score.decision_sd_m, 0.9),
             closing_sd_median_m: quantile_m(&score.closing_sd_m, 0.5),
@@ -244,8 +237,8 @@ fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
         table.add_row([
             it.rig.clone(),
             it.cameras.to_string(),
-            format!("{:.0}", it.shown_by_one * 100.0),
-            format!("{:.0}", it.shown_by_two * 100.0),
+            format!("{:.0}", it.score.shown_by_one * 100.0),
+            format!("{:.0}", it.score.shown_by_two * 100.0),
             format!("{:.2}", it.decision_sd_median_m * 1e3),
             format!("{:.2}", it.decision_sd_90_m * 1e3),
             format!("{:.2}", it.closing_sd_median_m * 1e3),
@@ -254,7 +247,7 @@ fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
     }
     screen::line(&table.trim_fmt())?;
     screen::line("")?;
-    let RigDocument { shown, arm_shown, .. } = &document.rigs[0];
+    let Score { shown, arm_shown, .. } = &document.rigs[0].score;
     for (i, (camera, (shown, of_arm))) in cameras.iter().zip(shown.iter().zip(arm_shown)).enumerate() {
         let p = camera.X_WC.translation.vector;
         let ahead = camera.X_WC.rotation * nalgebra::Vector3::z();

@@ -109,7 +109,7 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
         if let Some((watch, setup)) = watch.as_ref().zip(setups.get(play.object(scene.index))) {
             let (setup, seed, index) = (setup.clone(), scene.seed, scene.index);
             let recording = arguments.out.as_ref().map(|folder| recording::file(folder, scene));
-            watch.thrown(watch::label(scene), verdict.reason, move || match &recording {
+            watch.thrown(scene.label(), verdict.reason, move || match &recording {
                 Some(file) => watch::recorded(file),
                 None => watch::again(&setup, seed, index),
             });

@@ -9,7 +9,7 @@ use catch_recording::whole_file::COMMAND_LINE;
 use clap::Args;
 use serde::Serialize;
 
-use super::{ChoiceArguments, MOST, whole};
+use super::{ChoiceArguments, MOST, each_or_default, whole};
 use crate::screen;
 
 /// Arguments of `ready`.
@@ -68,12 +68,9 @@ struct OtherThrows {
 /// # Errors
 /// Faults of the choice, or of writing the answer.
 pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
-    let some_or_none = |names: &[String]| -> Vec<Option<String>> {
-        if names.is_empty() { vec![None] } else { names.iter().cloned().map(Some).collect() }
-    };
     let mut setups = Vec::new();
-    for object in some_or_none(&arguments.objects) {
-        for throw in some_or_none(&arguments.throws) {
+    for object in each_or_default(&arguments.objects) {
+        for throw in each_or_default(&arguments.throws) {
             setups.push(Setup::load(&arguments.choice.with(object.as_deref(), throw.as_deref()))?);
         }
     }

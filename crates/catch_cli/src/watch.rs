@@ -19,11 +19,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use catch_lab::{
-    recording::recorded_throw,
-    referee::reason::Reason,
-    scenario::setup::{Scene, Setup},
-};
+use catch_lab::{recording::recorded_throw, referee::reason::Reason, scenario::setup::Setup};
 use catch_recording::whole_file;
 use catch_view::{
     pages::{self, catch_page},
@@ -151,11 +147,6 @@ impl Watch {
             thread::sleep(Duration::from_millis(50));
         }
     }
-}
-
-/// What a throw is called.
-pub fn label(scene: &Scene) -> String {
-    format!("{}, {}, throw {}", scene.object, scene.throw, scene.index).replace('_', " ")
 }
 
 /// Makes the page of a recording.

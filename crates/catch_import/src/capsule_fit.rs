@@ -146,14 +146,19 @@ fn few(points: &[Point3<f64>], directions: usize) -> Vec<Point3<f64>> {
     chosen.into_iter().map(|i| points[i]).collect()
 }
 
-/// Indices of the points that lie farthest in so many directions, evenly spread over the sphere (a Fibonacci
-/// lattice). A point may be the farthest in several.
-fn outermost(points: &[Point3<f64>], directions: usize) -> impl Iterator<Item = usize> {
+/// So many directions, evenly spread over the sphere (a Fibonacci lattice).
+pub(crate) fn directions(count: usize) -> impl Iterator<Item = Vector3<f64>> {
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-    (0..directions).filter_map(move |i| {
-        let z = 1.0 - 2.0 * (i as f64 + 0.5) / directions as f64;
+    (0..count).map(move |i| {
+        let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
         let (sin, cos) = libm::sincos(golden * i as f64);
-        let direction = Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z;
+        Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z
+    })
+}
+
+/// Indices of the points that lie farthest in so many directions. A point may be the farthest in several.
+fn outermost(points: &[Point3<f64>], count: usize) -> impl Iterator<Item = usize> {
+    directions(count).filter_map(|direction| {
         let along = |i: &usize| direction.dot(&points[*i].coords);
         (0..points.len()).max_by(|a, b| along(a).total_cmp(&along(b)))
     })

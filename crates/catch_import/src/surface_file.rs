@@ -5,11 +5,12 @@ mod ply;
 
 use catch_body::{
     InputError, TriangleMesh,
-    mesh_file::{MAX_FILE_BYTES, Soup, checked, extension, groups_of, welded},
+    mesh_file::{Soup, check_size, checked, extension, groups_of, welded},
 };
 use nalgebra::Point3;
 
 pub use ply::PlyFile;
+pub(crate) use ply::strip;
 
 /// Reads a surface in the unit of its file, or in metres where that states its unit; nothing is asked of it
 /// but finite vertices.
@@ -20,10 +21,7 @@ pub use ply::PlyFile;
 /// If the bytes are not a mesh of that format, or have no triangle, numbers that are not finite or indices
 /// without a vertex.
 pub fn surface_from_bytes(file: &str, bytes: &[u8]) -> Result<TriangleMesh, InputError> {
-    if bytes.len() > MAX_FILE_BYTES {
-        let expected = format!("a mesh file of at most {} MiB", MAX_FILE_BYTES >> 20);
-        return Err(InputError::new(file, "size", format!("{} MiB", bytes.len() >> 20), expected));
-    }
+    check_size(file, bytes)?;
     let mut surface = TriangleMesh::default();
     for (points, faces) in checked(file, groups(file, bytes)?)? {
         surface.merge(&welded(&points, &faces, 1.0));

@@ -17,6 +17,7 @@ mod arm_view;
 use catch_body::{InputError, Pose, dynamics, pose::look_at, quantity, ray_cast::ArmSurface};
 use catch_cell::{CameraModel, DataSheet};
 use nalgebra::{Matrix3, Matrix6, Point3, Vector3};
+use serde::Serialize;
 
 use crate::scenario::setup::Setup;
 use catch_recording::whole_file::COMMAND_LINE;
@@ -82,7 +83,7 @@ impl Default for Config {
 }
 
 /// Score of a rig: visibility of the object and accuracy of the predicted flights.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Score {
     /// Fraction of the instants until the catch at which one camera or more shows the object.
     pub shown_by_one: f64,
@@ -94,9 +95,11 @@ pub struct Score {
     pub arm_shown: Vec<f64>,
     /// Expected standard deviation along each axis of the position at the catch that is predicted when it is
     /// decided, in metres, of each throw in rising order.
+    #[serde(skip)]
     pub decision_sd_m: Vec<f64>,
     /// Expected standard deviation along each axis of the position at the catch that is predicted when the
     /// fingers begin to close, in metres, of each throw in rising order.
+    #[serde(skip)]
     pub closing_sd_m: Vec<f64>,
 }
 

@@ -15,7 +15,7 @@ use catch_recording::whole_file::COMMAND_LINE;
 use nalgebra::Point3;
 use numpy::{PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::{
-    Borrowed, PyClass,
+    PyClass,
     exceptions::{PyOSError, PyRuntimeError, PyTypeError, PyValueError},
     prelude::*,
     pyclass::boolean_struct::True,
@@ -34,15 +34,8 @@ pub fn json_dict<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResul
 }
 
 /// A name, or a file as a `str` or a `pathlib.Path`, that is checked once the name of its argument is known.
+#[derive(FromPyObject)]
 pub struct Named(Py<PyAny>);
-
-impl<'py> FromPyObject<'_, 'py> for Named {
-    type Error = PyErr;
-
-    fn extract(value: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        Ok(Self(value.to_owned().unbind()))
-    }
-}
 
 impl Named {
     /// Returns the argument as text.
@@ -126,19 +119,12 @@ pub fn input_fault(fault: InputError) -> PyErr {
 }
 
 /// A whole number that is checked once the name of its argument is known.
+#[derive(FromPyObject)]
 pub enum Whole {
     /// A value as the caller gave it.
     Given(Py<PyAny>),
     /// The default.
     Default(u64),
-}
-
-impl<'py> FromPyObject<'_, 'py> for Whole {
-    type Error = PyErr;
-
-    fn extract(value: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        Ok(Self::Given(value.to_owned().unbind()))
-    }
 }
 
 impl Whole {

@@ -79,8 +79,14 @@ impl BrainSettings {
     /// Returns these settings adapted to the given object and cameras ([`Config::given`]).
     #[must_use]
     pub fn given(self, object: &ObjectFigures, cameras: &[CameraModel]) -> Self {
+        let config = self.config().given(object, cameras);
+        self.with(config)
+    }
+
+    /// These settings with other ones for the preparation.
+    fn with(self, config: Config) -> Self {
         let Config { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control } =
-            self.config().given(object, cameras);
+            config;
         Self { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control, ..self }
     }
 
@@ -125,17 +131,7 @@ impl BrainSettings {
 impl From<Config> for BrainSettings {
     /// The settings of a brain that has our stages.
     fn from(config: Config) -> Self {
-        let Config { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control } =
-            config;
-        Self {
-            seed,
-            perception,
-            trajectory_prediction,
-            grasp_selection,
-            trajectory_optimization,
-            control,
-            ..Self::default()
-        }
+        Self::default().with(config)
     }
 }
 

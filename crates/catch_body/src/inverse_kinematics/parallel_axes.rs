@@ -44,11 +44,8 @@ impl ParallelAxesArm {
             return None;
         }
         let X_WL = robot.link_poses(&JointVector::zeros());
-        let mut axes = [Unit::new_unchecked(Vector3::z()); 6];
-        let mut origins = [Point3::origin(); 6];
-        for i in 0..6 {
-            (axes[i], origins[i]) = robot.joint_axis(&X_WL, i);
-        }
+        let lines: [_; 6] = std::array::from_fn(|i| robot.joint_axis(&X_WL, i));
+        let (axes, origins) = (lines.map(|it| it.0), lines.map(|it| it.1));
         let are_parallel = [2, 3].iter().all(|&i| axes[i].cross(&axes[1]).norm() < TOLERANCE);
         let are_across = [(0, 1), (3, 4)].iter().all(|&(i, j)| axes[i].dot(&axes[j]).abs() < TOLERANCE);
         if !are_parallel || !are_across {

@@ -1,6 +1,6 @@
 //! Reads the links of SDF files, as simulators describe objects.
 
-use nalgebra::{Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::{Description, Geometry, Link, Shape};
 use catch_body::{
@@ -8,6 +8,7 @@ use catch_body::{
     document::{Document, Harmless, Node},
     quantity::Quantity,
     robot::Inertia,
+    urdf,
 };
 
 /// Kind of file that is expected.
@@ -157,10 +158,7 @@ fn inertia(node: Node, link: &str, parts: &Parts) -> Result<Option<Inertia>, Inp
     let Some(mass) = mass else { return Ok(None) };
     let moments = node.child("inertia");
     let moment = |name| moments.and_then(|it| it.child(name)).map_or(Ok(0.0), |it| it.number(MOMENT_KGM2));
-    let (xx, yy, zz) = (moment("ixx")?, moment("iyy")?, moment("izz")?);
-    let (xy, xz, yz) = (moment("ixy")?, moment("ixz")?, moment("iyz")?);
-    let about_com = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-    Ok(Some(Inertia { mass, com: Point3::origin(), about_com }.transformed(&X_LC)))
+    Ok(Some(Inertia { mass, com: Point3::origin(), about_com: urdf::moments(moment)? }.transformed(&X_LC)))
 }
 
 /// The mass properties of a link's collisions, each filled with its density, all together as heavy as is

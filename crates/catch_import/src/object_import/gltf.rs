@@ -19,7 +19,7 @@ use catch_body::{
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
 
 use super::gltf_accessor::{Buffers, index, rows};
-use crate::json;
+use crate::{json, surface_file::strip};
 
 /// Nodes may be nested this deep.
 const DEEPEST: usize = 64;
@@ -302,10 +302,7 @@ impl<'a> Reader<'a> {
             .collect();
         let triangles = match mode {
             4 => corners.as_chunks::<3>().0.to_vec(),
-            5 => {
-                let strip = corners.windows(3).enumerate();
-                strip.map(|(i, it)| if i % 2 == 0 { [it[0], it[1], it[2]] } else { [it[1], it[0], it[2]] }).collect()
-            }
+            5 => strip(&corners).collect(),
             _ => corners.windows(2).skip(1).map(|it| [corners[0], it[0], it[1]]).collect(),
         };
         Ok(TriangleMesh { vertices, triangles })

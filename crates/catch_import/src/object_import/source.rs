@@ -6,6 +6,7 @@ use std::{
 };
 
 use crate::{
+    capsule_fit::directions,
     cloud_file,
     description::{Description, Geometry, Link, Shape},
     mesh_files::{MeshFiles, located},
@@ -217,11 +218,7 @@ fn ends_off_m(parts: &[TriangleMesh], solid: &TriangleMesh) -> f64 {
     let end = |mesh: &TriangleMesh, direction: &Vector3<f64>| {
         mesh.vertices.iter().map(|it| it.coords.dot(direction)).fold(f64::NEG_INFINITY, f64::max)
     };
-    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-    let off = (0..DIRECTIONS).map(|i| {
-        let z = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;
-        let (sin, cos) = libm::sincos(golden * i as f64);
-        let direction = Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z;
+    let off = directions(DIRECTIONS).map(|direction| {
         let of_parts = parts.iter().map(|it| end(it, &direction)).fold(f64::NEG_INFINITY, f64::max);
         (of_parts - end(solid, &direction)).abs()
     });

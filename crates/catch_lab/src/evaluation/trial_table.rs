@@ -161,27 +161,25 @@ pub fn columns(rows: &[Row]) -> Vec<Column> {
     };
     let mut columns = Vec::new();
     for &(field, kind) in COLUMNS {
-        if field == REACH {
-            for part in REACHES {
-                let values = of(&|map| map.get(field)?.get(part));
-                columns.push(Column { name: format!("{field}_{part}"), kind, values });
+        let mut add = |name: String, values: Vec<Value>| columns.push(Column { name, kind, values });
+        match field {
+            REACH => {
+                for part in REACHES {
+                    add(format!("{field}_{part}"), of(&|map| map.get(field)?.get(part)));
+                }
             }
-            continue;
-        }
-        if field == CONDITIONS {
-            for (name, at) in DRAWN {
-                let values = of(&|map| map.get(field)?.pointer(at));
-                columns.push(Column { name: (*name).to_owned(), kind, values });
+            CONDITIONS => {
+                for (name, at) in DRAWN {
+                    add((*name).to_owned(), of(&|map| map.get(field)?.pointer(at)));
+                }
             }
-            continue;
-        }
-        if field != PREDICTIONS {
-            columns.push(Column { name: field.to_owned(), kind, values: of(&|map| map.get(field)) });
-            continue;
-        }
-        for (i, lead_s) in LEADS_S.iter().enumerate() {
-            let name = format!("prediction_error_{:.0}ms_before_m", lead_s * 1e3);
-            columns.push(Column { name, kind, values: of(&|map| map.get(field)?.get(i)) });
+            PREDICTIONS => {
+                for (i, lead_s) in LEADS_S.iter().enumerate() {
+                    let name = format!("prediction_error_{:.0}ms_before_m", lead_s * 1e3);
+                    add(name, of(&|map| map.get(field)?.get(i)));
+                }
+            }
+            _ => add(field.to_owned(), of(&|map| map.get(field))),
         }
     }
     columns

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use catch_body::InputError;
 use nalgebra::{Matrix3, Unit, Vector3};
+use serde::Serialize;
 
 use super::{
     flight::Flight,
@@ -111,7 +112,7 @@ impl Throw {
 }
 
 /// Errors of predictions, and how many of the ends lay in the ellipsoids that were claimed.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Reliability {
     /// Throws, and those among them without a prediction.
     pub throws: usize,

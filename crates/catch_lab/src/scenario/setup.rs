@@ -67,6 +67,13 @@ pub struct Scene {
     pub index: u64,
 }
 
+impl Scene {
+    /// What the throw is called among others of the scenario.
+    pub fn label(&self) -> String {
+        format!("{}, {}, throw {}", self.object, self.throw, self.index).replace('_', " ")
+    }
+}
+
 /// Everything that trials of one object and one throw share.
 #[derive(Debug, Clone)]
 pub struct Setup {

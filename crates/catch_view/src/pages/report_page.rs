@@ -129,8 +129,7 @@ fn misses(report: &Report) -> String {
     }
     html += "<ul>";
     for (i, row) in report.rows.iter().enumerate().filter(|(_, row)| !row.verdict.caught) {
-        let scene = &row.scene;
-        let name = format!("{}, {}, throw {}", scene.object, scene.throw, scene.index).replace('_', " ");
+        let name = row.scene.label();
         let reason = row.verdict.reason.map(|it| it.to_string()).unwrap_or_default();
         let name = match report.pages.get(&i) {
             Some(Miss { page, picture }) => format!(
