@@ -26,9 +26,7 @@ impl InputError {
     /// The line that is no TOML; or each field that is missing, unknown, of another kind or out of its range,
     /// the first of them with the others.
     pub fn parse_toml<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, Self> {
-        let (parsed, faults) = Self::parse_toml_all(file, text)?;
-        Self::first_of(faults.into_iter().map(Err::<(), _>))?;
-        Ok(parsed)
+        Self::without_faults(Self::parse_toml_all(file, text)?)
     }
 
     /// Parses TOML into `T` even where numbers are out of their ranges: each of these is a fault, and the
@@ -68,6 +66,14 @@ impl InputError {
         }
     }
 
+    /// Settings that were read, if no number in them was out of its range.
+    ///
+    /// # Errors
+    /// The first of the faults with the others.
+    pub fn without_faults<T>((parsed, faults): (T, Vec<Self>)) -> Result<T, Self> {
+        Self::first_of(faults.into_iter().map(Err::<(), _>)).map(|()| parsed)
+    }
+
     /// Checks that settings made in code could stand in a file, every number within its range; `name` takes
     /// the place of the file.
     ///
@@ -75,8 +81,7 @@ impl InputError {
     /// As [`parse_toml`](Self::parse_toml).
     pub fn check_settings<T: Serialize + DeserializeOwned>(name: &str, settings: &T) -> Result<(), Self> {
         let table = toml::Table::try_from(settings).map_err(|fault| Self::new(name, "settings", fault, "a table"))?;
-        let (_, faults) = Self::from_table::<T>(name, table)?;
-        Self::first_of(faults.into_iter().map(Err::<(), _>))
+        Self::without_faults(Self::from_table::<T>(name, table)?).map(drop)
     }
 }
 

@@ -13,6 +13,7 @@ use catch_body::{InputError, visual::mesh_names};
 use catch_cell::ObjectFigures;
 use catch_sim::{Throw, ThrownObject};
 use include_dir::{Dir, include_dir};
+use serde::Serialize;
 
 use crate::flights::recorded_throws;
 use catch_recording::{
@@ -23,7 +24,8 @@ use catch_recording::{
 static BUILT_IN: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
 
 /// Kind of asset.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// Everything that belongs to a set of trials.
     Scenario,
@@ -92,16 +94,7 @@ impl Kind {
 
 impl Display for Kind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Scenario => "scenario",
-            Self::Robot => "robot",
-            Self::Gripper => "gripper",
-            Self::Object => "object",
-            Self::Throw => "throw",
-            Self::Workcell => "workcell",
-            Self::Camera => "camera",
-            Self::Rig => "rig",
-        })
+        self.serialize(f)
     }
 }
 

@@ -74,8 +74,7 @@ pub fn parse(file: &str, text: &str) -> Result<Vec<PlannerCase>, InputError> {
         let expected = "one whole JSON document, which has no NaN and no null";
         InputError::new(file, format!("line {line}, column {column}"), found, expected)
     })?;
-    let (document, faults): (Document, _) = InputError::from_table(file, table)?;
-    InputError::first_of(faults.into_iter().map(Err::<(), _>))?;
+    let document: Document = InputError::without_faults(InputError::from_table(file, table)?)?;
     if let Some(found) = document.gravity.filter(|it| (it - gravity().norm()).abs() > 1e-9) {
         let expected = format!("{}, that of the arm's model", gravity().norm());
         return Err(InputError::new(file, "gravity", found, expected));

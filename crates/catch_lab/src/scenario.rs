@@ -199,10 +199,9 @@ impl Scenario {
         };
         let file = fault(String::new()).file;
         depth_errors::fill_in(&mut tree, &file)?;
-        let (changed, faults) = InputError::from_table(&file, tree)
+        let changed = InputError::from_table(&file, tree)
             .map_err(|it| InputError { expected: format!("{}{hint}", it.expected), ..it })?;
-        InputError::first_of(faults.into_iter().map(Err::<(), _>))?;
-        Ok(changed)
+        InputError::without_faults(changed)
     }
 
     /// The value of a field; `None` where it is left out.

@@ -31,10 +31,7 @@ pub enum Method {
 
 impl Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Ours => "ours",
-            Self::Paper => "paper",
-        })
+        self.serialize(f)
     }
 }
 
