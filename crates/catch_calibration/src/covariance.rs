@@ -30,7 +30,8 @@ pub fn of_cameras(equations: &Equations, cameras: usize) -> Option<DMatrix<f64>>
     let (size, of_cameras) = (inverse.nrows(), OF_CAMERA * cameras);
     let mut of_images = DMatrix::zeros(size, size);
     let mut jackknife = DMatrix::zeros(of_cameras, of_cameras);
-    for image in images {
+    // An image may tell nothing.
+    for image in images.iter().filter(|it| !it.places.is_empty()) {
         image.add_to(&mut of_images, 1.0);
         // (H − Hᵢ)⁻¹·gᵢ = H⁻¹·(I − Hᵢ·H⁻¹)⁻¹·gᵢ needs the places of the image alone.
         let places = &image.places;

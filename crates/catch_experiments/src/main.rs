@@ -8,9 +8,7 @@ mod calibration;
 mod cameras;
 mod catch_rates;
 mod flights;
-mod grasp_weights;
 mod grippers_and_arms;
-mod logistic_regression;
 mod mistold;
 mod objects;
 mod peers;
@@ -126,12 +124,6 @@ const EXPERIMENTS: &[Experiment] = &[
         about: "other libraries at the same work, which benches/peers/run installs",
         trials: 50,
         run: peers::run,
-    },
-    Experiment {
-        name: "grasp-weights",
-        about: "weights of the grasp choice, fitted on objects that are in no other experiment",
-        trials: 100,
-        run: grasp_weights::run,
     },
 ];
 

@@ -46,8 +46,6 @@ pub enum Stream {
     Calibration = 27,
     /// Path of a person.
     Person = 28,
-    /// Weights of the grasp choice that an experiment draws.
-    GraspWeights = 29,
     /// Surfaces of the arm's links.
     LinkSurfaces = 30,
 }

@@ -38,7 +38,8 @@ impl FreeBody {
         Self { mass_kg: object.mass_kg, inertia_kgm2, inverse_inertia, roots }
     }
 
-    /// Orientation and angular velocity in W after `duration_s` under a constant torque in W.
+    /// Orientation and angular velocity in W after `duration_s` under a constant torque in W, or before, where
+    /// it is negative.
     ///
     /// Rotation follows q̇ = ½·ω·q with ω = R·I⁻¹·Rᵀ·L and L(t) = L₀ + τ·t, by Runge and Kutta's method of
     /// fourth order: momentum is kept to rounding, whatever the error of the orientation.
@@ -49,7 +50,7 @@ impl FreeBody {
         duration_s: f64,
     ) -> (UnitQuaternion<f64>, Vector3<f64>) {
         let L_W = self.momentum(q_WO, angular);
-        let steps = (angular.norm() * duration_s / STEP_RAD).ceil().clamp(1.0, MOST_STEPS);
+        let steps = (angular.norm() * duration_s.abs() / STEP_RAD).ceil().clamp(1.0, MOST_STEPS);
         let step_s = duration_s / steps;
         let mut q = q_WO.into_inner();
         for step in 0..steps as usize {

@@ -1,8 +1,8 @@
 //! The object in free flight, against laws of mechanics and against SciPy; `tests/golden/README.md` says how
 //! the numbers were made.
 
-use catch_body::{InputError, TriangleMesh};
-use catch_sim::{Release, ThrownObject, physics::World};
+use catch_body::{InputError, Pose, TriangleMesh, Twist};
+use catch_sim::{Release, ThrownObject, free_flight::coasted, physics::World};
 use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -66,6 +66,23 @@ fn random_object(kind: usize, random: &mut Pcg64) -> ThrownObject {
          [truth.shape]\n{shape}\n[prior]\ndrag_per_m = 0\ndrag_sd_per_m = 0\n"
     );
     ThrownObject::from_toml("random.toml", &text, &obj).unwrap()
+}
+
+/// A flight that goes on for a while and as long back ends where it began.
+#[test]
+fn a_free_body_coasts_back_to_where_it_came_from() {
+    let mut random = Pcg64::seed_from_u64(2);
+    for i in 0..20 {
+        let object = random_object(i % 4, &mut random);
+        let mut vector = || Vector3::from_fn(|_, _| random.random_range(-1.0..1.0));
+        let X_WO = Pose::from_parts(vector().into(), UnitQuaternion::from_scaled_axis(vector() * 3.0));
+        let V_WO = Twist { angular: vector() * 20.0, linear: vector() * 5.0 };
+        let (X_later, V_later) = coasted(&object, (&X_WO, &V_WO), 0.3);
+        let (X_back, V_back) = coasted(&object, (&X_later, &V_later), -0.3);
+        let turned = X_back.rotation.angle_to(&X_WO.rotation);
+        assert!(turned < 1e-3 && (V_back.angular - V_WO.angular).norm() < 0.05, "{i}: {turned} rad");
+        assert!((X_back.translation.vector - X_WO.translation.vector).norm() < 1e-9);
+    }
 }
 
 /// Momentum to a rounding error and energy to that of integration, whatever the shape.

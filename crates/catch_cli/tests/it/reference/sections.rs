@@ -139,8 +139,6 @@ pub const FILES: &[Section] = &[
 pub const ELSEWHERE: &[(&str, &str)] = &[
     ("catch_bot/src/preparation.rs", "Config"),
     ("catch_cell/src/knowledge.rs", "ObjectFile"),
-    ("catch_experiments/src/grasp_weights/training_objects.rs", "TrainingObject"),
-    ("catch_experiments/src/grasp_weights/training_objects.rs", "Prism"),
     ("catch_lab/src/evaluation/published.rs", "PublishedRate"),
     ("catch_lab/src/planner_cases.rs", "Document"),
     ("catch_lab/src/planner_cases.rs", "Case"),
