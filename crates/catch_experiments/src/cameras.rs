@@ -2,10 +2,7 @@
 
 mod pushed;
 
-use std::collections::BTreeMap;
-
 use anyhow::Result;
-use catch_body::statistics::wilson95;
 use catch_lab::{
     assets::Kind,
     scenario::setup::{Choice, Setup},
@@ -14,12 +11,11 @@ use catch_lab::{
 use crate::{
     Findings, Options, rates,
     results::{Entry, Table},
-    spread::percent,
 };
 
 const LEGEND: &str = "The scenario is honest, with random throws and one to four near stereo cameras. These run freely, without labels. Each throw draws \
 the errors of their poses: 0.2 mm along and 0.2 mrad about each axis (standard deviations). That is about what \
-[calibration on the arm](calibration-and-perception.md) leaves where the arm is as modelled. The rate *caught* is of all throws, also of those out of reach, with its interval (Wilson, 95 %).";
+[calibration on the arm](calibration-and-perception.md) leaves where the arm is as modelled. The rate *caught* is of those within reach, with its interval (Wilson, 95 %).";
 
 /// The built-in ones of near stereo cameras around the arm.
 pub fn rigs() -> impl Iterator<Item = String> {
@@ -49,34 +45,14 @@ pub fn setup(rig: &str, object: &str, settings: &[&str]) -> Result<Setup> {
 
 /// Every rig with every object.
 pub fn run(options: &Options) -> Result<Findings> {
-    let columns =
-        ["rig", "object", "throws", "caught, %", "from, %", "to, %", "out of reach, %", "limits broken", "misses"];
+    let columns: Vec<&str> = ["rig", "object"].into_iter().chain(rates::FIGURES).collect();
     let mut table = Table::new("Caught with near cameras", &columns);
     for rig in rigs() {
         for object in Kind::Object.names() {
-            let rows = rates::rows(vec![setup(&rig, object, &[])?], options)?;
-            let caught = rows.iter().filter(|row| row.verdict.caught).count();
-            let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
-            for reason in rows.iter().filter_map(|row| row.verdict.reason) {
-                *reasons.entry(reason.to_string()).or_default() += 1;
-            }
-            let mut reasons: Vec<(String, usize)> = reasons.into_iter().collect();
-            reasons.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-            let reasons: Vec<String> = reasons.iter().map(|(reason, count)| format!("{count}× {reason}")).collect();
-            let [low, high] = wilson95(caught, rows.len());
-            table.rows.push(vec![
-                Entry::text(&rig),
-                Entry::text(object),
-                Entry::Count(rows.len()),
-                percent(caught, rows.len()),
-                Entry::Number(Some(100.0 * low)),
-                Entry::Number(Some(100.0 * high)),
-                percent(rows.iter().filter(|row| row.verdict.is_out_of_reach()).count(), rows.len()),
-                Entry::Count(rows.iter().map(|row| row.verdict.limit_violations).sum()),
-                Entry::text(reasons.join(", ")),
-            ]);
+            let figures = rates::figures(vec![setup(&rig, object, &[])?], options)?;
+            table.rows.push([vec![Entry::text(&rig), Entry::text(object)], figures].concat());
         }
     }
     let pushed = pushed::tables(options)?;
-    Ok(Findings { legend: [LEGEND, pushed::LEGEND].concat(), tables: [vec![table], pushed].concat() })
+    Ok(Findings { legend: [LEGEND, rates::MISSES, pushed::LEGEND].concat(), tables: [vec![table], pushed].concat() })
 }

@@ -47,5 +47,5 @@ pub fn run(options: &Options) -> Result<Findings> {
             caught.rows.push(condition.into_iter().chain(rates::figures(setups, options)?).collect());
         }
     }
-    Ok(Findings { legend: LEGEND.to_owned(), tables: vec![caught] })
+    Ok(Findings { legend: [LEGEND, rates::MISSES].concat(), tables: vec![caught] })
 }

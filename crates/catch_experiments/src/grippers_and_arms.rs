@@ -55,5 +55,5 @@ pub fn run(options: &Options) -> Result<Findings> {
         }
         tables.push(table);
     }
-    Ok(Findings { legend: LEGEND.to_owned(), tables })
+    Ok(Findings { legend: [LEGEND, rates::MISSES].concat(), tables })
 }

@@ -22,7 +22,7 @@ use serde::Deserialize;
 
 use crate::{
     Findings, Options,
-    rates::{self, FIGURES},
+    rates::{self, FIGURES, misses},
     results::{Entry, Table},
     spread::percent,
 };
@@ -130,7 +130,7 @@ pub fn run(options: &Options) -> Result<Findings> {
         }
     }
     let beside = beside(&listed.pair, folder, options)?;
-    Ok(Findings { legend: LEGEND.to_owned(), tables: vec![imports, thrown, sampled, beside] })
+    Ok(Findings { legend: [LEGEND, rates::MISSES].concat(), tables: vec![imports, thrown, sampled, beside] })
 }
 
 /// Meshes beside the built-in objects that stand for them, on the same throws.
@@ -243,7 +243,7 @@ struct Outcome {
     /// Throws in which the spin was wrong, and all in which it was predicted.
     wrong_spin: [usize; 2],
     breaks_limits: usize,
-    reasons: BTreeMap<Reason, usize>,
+    reasons: Vec<Reason>,
 }
 
 impl Outcome {
@@ -256,7 +256,7 @@ impl Outcome {
             caught: usize::from(verdict.caught),
             wrong_spin: [usize::from(spin.is_some_and(|it| it > WRONG_RADPS)), usize::from(spin.is_some())],
             breaks_limits: usize::from(verdict.limit_violations > 0),
-            reasons: verdict.reason.into_iter().map(|it| (it, 1)).collect(),
+            reasons: verdict.reason.into_iter().collect(),
         }
     }
 
@@ -265,19 +265,16 @@ impl Outcome {
         self.caught += other.caught;
         self.breaks_limits += other.breaks_limits;
         self.wrong_spin = [0, 1].map(|i| self.wrong_spin[i] + other.wrong_spin[i]);
-        other.reasons.into_iter().for_each(|(reason, count)| *self.reasons.entry(reason).or_default() += count);
+        self.reasons.extend(other.reasons);
     }
 
     fn entries(&self) -> Vec<Entry> {
-        let mut reasons: Vec<_> = self.reasons.iter().collect();
-        reasons.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
-        let reasons: Vec<String> = reasons.iter().map(|(reason, count)| format!("{count}× {reason}")).collect();
         vec![
             Entry::Count(self.throws),
             percent(self.caught, self.throws),
             percent(self.wrong_spin[0], self.wrong_spin[1]),
             Entry::Count(self.breaks_limits),
-            Entry::text(reasons.join(", ")),
+            misses(self.reasons.iter().copied()),
         ]
     }
 }

@@ -17,8 +17,11 @@ use crate::{Options, results::Entry, spread::percent};
 pub const FIGURES: [&str; 7] =
     ["trials", "within reach, %", "caught, %", "from, %", "to, %", "limits broken", "misses within reach"];
 
+/// Sentence of a legend about the last of them.
+pub const MISSES: &str = " [Statuses](../reference/statuses.md) explains the names of misses.";
+
 /// The trials of a condition, the same number of each of its throws.
-pub fn rows(setups: Vec<Setup>, options: &Options) -> Result<Vec<Row>> {
+fn rows(setups: Vec<Setup>, options: &Options) -> Result<Vec<Row>> {
     setups.iter().for_each(Setup::prepare);
     let trials = options.trials.div_ceil(setups.len() as u64);
     let cells = setups.into_iter().map(Cell::new).collect();
@@ -36,13 +39,6 @@ pub fn figures(setups: Vec<Setup>, options: &Options) -> Result<Vec<Entry>> {
     let rows = rows(setups, options)?;
     let within: Vec<&Row> = rows.iter().filter(|row| !row.verdict.is_out_of_reach()).collect();
     let caught = within.iter().filter(|row| row.verdict.caught).count();
-    let mut reasons: BTreeMap<Reason, usize> = BTreeMap::new();
-    for reason in within.iter().filter_map(|row| row.verdict.reason) {
-        *reasons.entry(reason).or_default() += 1;
-    }
-    let mut reasons: Vec<(Reason, usize)> = reasons.into_iter().collect();
-    reasons.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-    let reasons: Vec<String> = reasons.iter().map(|(reason, count)| format!("{count}× {reason}")).collect();
     let [low, high] = wilson95(caught, within.len());
     Ok(vec![
         Entry::Count(rows.len()),
@@ -51,6 +47,18 @@ pub fn figures(setups: Vec<Setup>, options: &Options) -> Result<Vec<Entry>> {
         Entry::Number(Some(100.0 * low)),
         Entry::Number(Some(100.0 * high)),
         Entry::Count(rows.iter().map(|row| row.verdict.limit_violations).sum()),
-        Entry::text(reasons.join(", ")),
+        misses(within.iter().filter_map(|row| row.verdict.reason)),
     ])
+}
+
+/// Misses of each reason by its name, the most frequent first.
+pub fn misses(reasons: impl Iterator<Item = Reason>) -> Entry {
+    let mut counts: BTreeMap<Reason, usize> = BTreeMap::new();
+    reasons.for_each(|reason| *counts.entry(reason).or_default() += 1);
+    let mut counts: Vec<(Reason, usize)> = counts.into_iter().collect();
+    counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    let name = |reason: Reason| serde_json::to_string(&reason).unwrap_or_default().replace('"', "");
+    Entry::text(
+        counts.into_iter().map(|(reason, count)| format!("{count} {}", name(reason))).collect::<Vec<_>>().join(", "),
+    )
 }
