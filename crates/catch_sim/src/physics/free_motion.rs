@@ -38,8 +38,8 @@ impl FreeBody {
         Self { mass_kg: object.mass_kg, inertia_kgm2, inverse_inertia, roots }
     }
 
-    /// Orientation and angular velocity in W after `duration_s` under a constant torque in W, or before, where
-    /// it is negative.
+    /// Orientation and angular velocity in W after `duration_s` under a constant torque in W; before, where
+    /// that is negative.
     ///
     /// Rotation follows q̇ = ½·ω·q with ω = R·I⁻¹·Rᵀ·L and L(t) = L₀ + τ·t, by Runge and Kutta's method of
     /// fourth order: momentum is kept to rounding, whatever the error of the orientation.
