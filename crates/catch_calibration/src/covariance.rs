@@ -69,7 +69,7 @@ mod tests {
         const IMAGES: usize = 300;
         let mut random = Pcg64::seed_from_u64(1);
         let mut draw = || (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>();
-        let images: Vec<ImageInformation> = (0..IMAGES)
+        let mut images: Vec<ImageInformation> = (0..IMAGES)
             .map(|_| {
                 let rows = DMatrix::from_fn(20, OF_CAMERA, |_, _| draw());
                 let residuals = DVector::from_fn(20, |_, _| factor * draw());
@@ -83,6 +83,11 @@ mod tests {
         let information = images.iter().fold(priors, |sum, it| sum + &it.information);
         let inverse = information.clone().cholesky().unwrap().inverse();
         let change = &inverse * images.iter().fold(DVector::zeros(OF_CAMERA), |sum, it| sum + &it.pull);
+        // One that tells nothing changes nothing.
+        let (information, pull) = (DMatrix::zeros(0, 0), DVector::zeros(0));
+        let (places, coupling) = (Vec::new(), Vec::new());
+        let (common_information, common_pull) = (1.0, 0.0);
+        images.push(ImageInformation { places, information, pull, coupling, common_information, common_pull });
         let equations = Equations { inverse, images, change };
         of_cameras(&equations, 1).unwrap().trace() / equations.inverse.trace()
     }
