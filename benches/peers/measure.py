@@ -17,10 +17,10 @@ def problems() -> dict:
     return json.loads(Path(sys.argv[1]).read_text())
 
 
-def write(*tables: tuple[str, list[str], list[list]]) -> None:
-    """Title, columns and rows of each table."""
-    names = ["title", "columns", "rows"]
-    Path(sys.argv[2]).write_text(json.dumps([dict(zip(names, table, strict=True)) for table in tables]))
+def write(*tables: tuple) -> None:
+    """Title, columns and rows of each table, and the column whose words the page has as columns, if any."""
+    names = ["title", "columns", "rows", "across"]
+    Path(sys.argv[2]).write_text(json.dumps([dict(zip(names, table, strict=False)) for table in tables]))
 
 
 def measured(work: Callable[[], object]) -> tuple[object, float]:

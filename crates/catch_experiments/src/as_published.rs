@@ -2,7 +2,7 @@
 //! worth, and the same method under the arm's real limits.
 
 use anyhow::{Context, Result};
-use catch_body::statistics::{paired95, wilson95};
+use catch_body::statistics::paired95;
 use catch_lab::{
     assets::Kind,
     evaluation::published::published_rates,
@@ -18,7 +18,7 @@ use serde::Deserialize;
 use crate::{
     Findings, Options,
     results::{Entry, Table},
-    spread::quantiles,
+    spread::{median, rate},
 };
 
 /// The scenario of the published code.
@@ -28,17 +28,15 @@ const TRIALS_PER_STEP_TRIAL: usize = 15;
 /// One trial around the throws for so many of a cell of Table I.
 const TRIALS_PER_TRIAL_AROUND: usize = 3;
 
-const LEGEND: &str = "At 0.875 s the object is less than *5 cm* or *2.5 cm* from the gripper along its z axis, as the authors' code \
-and the paper's text count. It is *held* if it is squeezed 0.4 s later. It is *caught* by this project's rule \
-without its condition on limits: held until 1.5 s after the first contact and shaken. Figures are percent of \
-the trials. In brackets stands the 95 % interval (Wilson, as if each trial were a draw of its own). The \
-*rerun* is that of the authors' code, by the three measures. All trials of a cell of Table I are one throw \
-without noise. They have the same images, and differ by the draws of RANSAC and of grasps alone. So a cell is \
-about one draw of a grasp, there and here. *Around* the throws, up to 5 mm from them, each trial has its own \
-images. The assumptions' worth is measured around the throws, with the same throws in each line. *Alone* takes one of \
-them away from `as-published`. Every other line takes one more away from the line above. *Change* is in points, of what \
-is within 5 cm and of what is held. It is against the line above, and *alone* against `as-published`. Behind it stands the 95 % \
-interval of a paired difference (Agresti and Min).";
+const LEGEND: &str = "At 0.875 s the object is less than *5 cm* or *2.5 cm* from the gripper along its z axis, as the authors' code and the paper's \
+text count. It is *held* if it is squeezed 0.4 s later, and *caught* by this project's rule without its condition on limits. Rates stand before their \
+interval of 95 % (Wilson, as if each trial were a draw of its own). The *rerun* is that of the authors' code, by the first three measures. \
+How hard the arm is driven is in medians. *Around* the throws of Table I, up to 5 mm from them, each trial has its own images. \
+[The paper's method](../explanation/the-papers-method.md) tells why a cell of Table I is about one draw of a grasp.
+
+The assumptions' worth is measured around the throws, with the same throws in each line. A line takes one more assumption away from the line above. *Change* \
+is in points against that line, with the 95 % interval of a paired difference (Agresti and Min). *Alone*: the change if this assumption alone is taken away \
+from `as-published`.";
 
 /// An assumption of the published code.
 #[derive(Deserialize)]
@@ -105,27 +103,16 @@ pub fn run(options: &Options) -> Result<Findings> {
     let rerun: Rerun = toml::from_str(include_str!("rerun.toml")).context("rerun.toml")?;
     let count = options.trials as usize;
     let mut tables = Vec::new();
-    let mut driven = Table::new(
-        "How hard the arm is driven (medians), and when it catches",
-        &[
-            "scenario",
-            "object",
-            "throw",
-            "velocity / limit",
-            "torque / limit",
-            "impulse, N·s",
-            "catch, s",
-            "prediction, mm",
-        ],
-    );
     let tables_of = [
         (SCENARIO, "the paper's method", &rerun.cell),
         (SCENARIO, "around the throws", &rerun.around),
         ("paper", "the paper's method", &rerun.cell),
     ];
     for (scenario, about, cells) in tables_of {
-        let columns = ["object", "throw", "Table I, %", "rerun, %", "5 cm, %", "2.5 cm, %", "held, %", "caught, %"];
-        let mut table = Table::new(&format!("Scenario {scenario}, {about}"), &columns);
+        let around = cells.iter().any(RerunCell::is_around);
+        let count = if around { count.div_ceil(TRIALS_PER_TRIAL_AROUND) } else { count };
+        let columns = [&["object", "throw", "Table I, %", "rerun, %"], &RATES[..], &DRIVEN].concat();
+        let mut table = Table::new(&format!("Scenario {scenario}, {about}, {count} trials each"), &columns);
         let mut all = Vec::new();
         for cell in cells {
             let choice = Choice {
@@ -136,65 +123,45 @@ pub fn run(options: &Options) -> Result<Findings> {
                 ..Choice::default()
             };
             let setup = cell.thrown(Setup::load(&choice)?)?;
-            let count = if cell.is_around() { count.div_ceil(TRIALS_PER_TRIAL_AROUND) } else { count };
             let verdicts = verdicts(&setup, options.seed, count)?;
             let published =
                 published_rates().into_iter().find(|rate| rate.object == cell.object && rate.throw == cell.throw);
             let published = Entry::Number(published.map(|rate| rate.caught * 100.0));
             let name = |text: &String| Entry::text(text.as_str());
             let head = vec![name(&cell.object), name(&cell.throw), published, percents(&cell.counts, cell.trials)];
-            table.rows.push(head.into_iter().chain(rates(&verdicts)).collect());
-            driven.rows.push(drive(scenario, cell, &verdicts));
+            table.rows.push(head.into_iter().chain(rates(&verdicts)).chain(driven(&verdicts)).collect());
             all.extend(verdicts);
         }
         let trials: usize = cells.iter().map(|cell| cell.trials).sum();
         let counts = [0, 1, 2].map(|i| cells.iter().map(|cell| cell.counts[i]).sum());
         let head = vec![Entry::text("all"), Entry::text(""), Entry::text("over 85"), percents(&counts, trials)];
-        table.rows.push(head.into_iter().chain(rates(&all)).collect());
+        table.rows.push(head.into_iter().chain(rates(&all)).chain(driven(&[])).collect());
         tables.push(table);
     }
-    tables.push(driven);
     tables.push(prices(options, count.div_ceil(TRIALS_PER_STEP_TRIAL))?);
     Ok(Findings { legend: LEGEND.to_owned(), tables })
 }
 
 /// Table of the change that each assumption makes, around the throws.
 fn prices(options: &Options, count: usize) -> Result<Table> {
-    let columns = [
-        "step",
-        "what it takes away",
-        "trials",
-        "5 cm, %",
-        "2.5 cm, %",
-        "held, %",
-        "caught, %",
-        "change, 5 cm",
-        "change, held",
-    ];
+    let against = ["change, 5 cm", "change, held", "alone, 5 cm", "alone, held"];
+    let columns = [&["step", "what it takes away", "trials"], &RATES[..], &against].concat();
     let mut table = Table::new("What each assumption was worth", &columns);
-    let assumptions = Assumption::all()?;
+    let mut row = |head: [&str; 2], all: &[Verdict], changes: [[Entry; 2]; 2]| {
+        let head = head.map(Entry::text).into_iter().chain([Entry::Count(all.len())]);
+        table.rows.push(head.chain(rates(all)).chain(changes.into_iter().flatten()).collect());
+    };
     let first = verdicts_around(&[], options.seed, count)?;
-    table.rows.push(price(["as-published", "nothing"], None, &first));
+    row(["as-published", "nothing"], &first, [(); 2].map(|()| [Entry::Number(None), Entry::Number(None)]));
     let (mut settings, mut above) = (Vec::new(), first.clone());
-    for Assumption { name, about, set, .. } in &assumptions {
+    for Assumption { name, about, set, alone } in &Assumption::all()? {
         settings.extend(set.iter().cloned());
         let all = verdicts_around(&settings, options.seed, count)?;
-        table.rows.push(price([name, about], Some(&above), &all));
+        let only = verdicts_around(alone.as_ref().unwrap_or(set), options.seed, count)?;
+        row([name, about], &all, [changes(&above, &all), changes(&first, &only)]);
         above = all;
     }
-    for Assumption { name, about, set, alone } in &assumptions {
-        let all = verdicts_around(alone.as_ref().unwrap_or(set), options.seed, count)?;
-        table.rows.push(price([&format!("{name}, alone"), about], Some(&first), &all));
-    }
     Ok(table)
-}
-
-/// Row of a step, with its changes against another one.
-fn price(head: [&str; 2], against: Option<&[Verdict]>, all: &[Verdict]) -> Vec<Entry> {
-    let changes = [MEASURES[0], MEASURES[2]]
-        .map(|counts| Entry::text(against.map_or_else(|| "–".to_owned(), |against| change(against, all, counts))));
-    let head = head.map(Entry::text).into_iter().chain([Entry::Count(all.len())]);
-    head.chain(rates(all)).chain(changes).collect()
 }
 
 /// Verdicts of all objects around both throws, in the published scenario with other settings.
@@ -211,14 +178,16 @@ fn verdicts_around(settings: &[String], seed: u64, count: usize) -> Result<Vec<V
     Ok(all)
 }
 
-/// Difference of two rates of the same throws, in points.
-fn change(before: &[Verdict], after: &[Verdict], counts: fn(&Verdict) -> bool) -> String {
-    let pairs = || before.iter().zip(after).map(|(before, after)| (counts(before), counts(after)));
-    let gained = pairs().filter(|pair| *pair == (false, true)).count();
-    let lost = pairs().filter(|pair| *pair == (true, false)).count();
-    let [low, high] = paired95(gained, lost, before.len()).map(|it| 100.0 * it);
-    let by = 100.0 * (gained as f64 - lost as f64) / before.len().max(1) as f64;
-    format!("{by:+.0} ({low:+.0}…{high:+.0})")
+/// Differences of what is within 5 cm and of what is held of the same throws, in points.
+fn changes(before: &[Verdict], after: &[Verdict]) -> [Entry; 2] {
+    [MEASURES[0], MEASURES[2]].map(|counts| {
+        let pairs = || before.iter().zip(after).map(|(before, after)| (counts(before), counts(after)));
+        let gained = pairs().filter(|pair| *pair == (false, true)).count();
+        let lost = pairs().filter(|pair| *pair == (true, false)).count();
+        let [low, high] = paired95(gained, lost, before.len()).map(|it| 100.0 * it);
+        let by = 100.0 * (gained as f64 - lost as f64) / before.len().max(1) as f64;
+        Entry::text(format!("{by:+.0} ({low:+.0}…{high:+.0})"))
+    })
 }
 
 fn verdicts(setup: &Setup, seed: u64, count: usize) -> Result<Vec<Verdict>> {
@@ -234,40 +203,30 @@ fn verdicts(setup: &Setup, seed: u64, count: usize) -> Result<Vec<Verdict>> {
 const MEASURES: [fn(&Verdict) -> bool; 4] =
     [|it| it.caught_paper_code, |it| it.caught_paper, |it| it.held_later, |it| it.caught_beyond_limits];
 
+const RATES: [&str; 4] = ["5 cm, %", "2.5 cm, %", "held, %", "caught, %"];
+
 /// Catch rates by each measure.
 fn rates(verdicts: &[Verdict]) -> [Entry; 4] {
-    MEASURES.map(|counts| {
-        let caught = verdicts.iter().filter(|verdict| counts(verdict)).count();
-        let percent = 100.0 * caught as f64 / verdicts.len().max(1) as f64;
-        let [low, high] = wilson95(caught, verdicts.len()).map(|it| 100.0 * it);
-        Entry::text(format!("{percent:.1} ({low:.0}–{high:.0})"))
-    })
+    MEASURES.map(|counts| rate(verdicts.iter().filter(|verdict| counts(verdict)).count(), verdicts.len()))
 }
 
 fn percents(counts: &[usize; 3], trials: usize) -> Entry {
-    let of = counts.map(|count| format!("{:.0}", 100.0 * count as f64 / trials as f64));
-    Entry::text(of.join(" / "))
+    Entry::text(counts.map(|count| format!("{:.0}", 100.0 * count as f64 / trials as f64)).join("/"))
 }
 
-/// Load of the arm: joint velocity, torque and impulse.
-fn drive(scenario: &str, cell: &RerunCell, verdicts: &[Verdict]) -> Vec<Entry> {
-    let median = |pick: &dyn Fn(&Measures) -> Option<f64>, factor: f64| {
-        let values: Vec<f64> = verdicts.iter().filter_map(|it| pick(&it.measures)).collect();
-        let [middle] = quantiles(&values, [0.5], factor);
-        middle
+/// Load of the arm, and error of the last prediction.
+const DRIVEN: [&str; 4] = ["velocity / limit", "torque / limit", "impulse, N·s", "prediction, mm"];
+
+/// Medians of these.
+fn driven(verdicts: &[Verdict]) -> [Entry; 4] {
+    let median = |pick: fn(&Measures) -> Option<f64>, factor: f64| {
+        median(&verdicts.iter().filter_map(|it| pick(&it.measures)).collect::<Vec<f64>>(), factor)
     };
-    let times: Vec<f64> = verdicts.iter().filter_map(|it| it.catch_time_s).collect();
-    let [earliest, latest] = [times.iter().copied().reduce(f64::min), times.iter().copied().reduce(f64::max)];
-    let catch = earliest.zip(latest).map_or("–".to_owned(), |(from, until)| format!("{from:.3}–{until:.3}"));
-    vec![
-        Entry::text(scenario),
-        Entry::text(cell.object.as_str()),
-        Entry::text(cell.throw.as_str()),
-        median(&|it| Some(it.peak_velocity_ratio), 1.0),
-        median(&|it| Some(it.peak_torque_ratio), 1.0),
-        median(&|it| it.catch_impulse_ns, 1.0),
-        Entry::text(catch),
-        median(&|it| it.prediction_error_m, 1e3),
+    [
+        median(|it| Some(it.peak_velocity_ratio), 1.0),
+        median(|it| Some(it.peak_torque_ratio), 1.0),
+        median(|it| it.catch_impulse_ns, 1.0),
+        median(|it| it.prediction_error_m, 1e3),
     ]
 }
 

@@ -20,7 +20,7 @@ use nalgebra::{UnitQuaternion, Vector6};
 use crate::{
     Findings, Options, perception,
     results::{Entry, Table},
-    spread::{median, percent, quantiles},
+    spread::{median, percent, spread},
 };
 
 /// Error of each camera's believed position, in a random direction, and rotation about a random axis.
@@ -36,13 +36,12 @@ const ZERO_SD_DEG: f64 = 0.03;
 /// Quantile of the squared Mahalanobis distance with six degrees of freedom that covers 95 %.
 const COVERS_95: f64 = 12.592;
 
-const LEGEND: &str = "Cameras of the rigs d435_2 to d435_4 with the noise of `near_stereo`, the arm and its encoders as in the scenario honest. \
-Each camera is believed to stand 50 mm and 5° from where it does, and its clock is up to 10 ms off. Where surfaces are off, each link is thicker or thinner than its model by a normal deviation of 1 mm, and has two covers of up to 80 mm that rise up to 15 mm. Errors are of single cameras: \
-median and 95 % quantile. Coverage is the fraction of cameras that lie within the 95 % ellipsoid of the covariance that is claimed for them. \
-The claimed deviation is the median of the root of the variances' sum. Cameras that did not converge, and say so, are counted and left out. \
-Twenty flights of the tennis \
-ball then refine the first eight draws. Apart is how far from each other two cameras see the place of the gripper in its ready pose. The tilt of the \
-world against gravity is zero in truth, and believed to be within 0.05°.";
+const LEGEND: &str = "The rigs are d435_2 to d435_4 with the noise of `near_stereo`, arm and encoders those of `honest`. \
+Each camera is believed to stand 50 mm and 5° from where it does, and its clock is up to 10 ms off. Where surfaces are off, each link is thicker or thinner \
+than its model by a normal deviation of 1 mm, and has two covers of up to 80 mm that rise up to 15 mm. Errors are medians over cameras, with 95 % quantiles \
+in brackets. *Coverage*: cameras within the claimed 95 % ellipsoid. *Claimed*: median of the root of the variances' sum. Cameras that say that they did not \
+converge are left out. Twenty flights of the tennis ball then refine the first eight draws. *Apart*: distance between two cameras' views of the gripper in \
+its ready pose. The *tilt* of the world against gravity is zero in truth, and believed to be within 0.05°.";
 
 /// A condition: which rig, and what is wrong with it.
 #[derive(Clone, Copy)]
@@ -104,11 +103,8 @@ pub fn run(options: &Options) -> Result<Findings> {
         "draws",
         "converged, %",
         "position, mm",
-        "95 %",
         "rotation, °",
-        "95 %",
         "time, ms",
-        "95 %",
         "coverage, %",
         "claimed, mm",
         "claimed, °",
@@ -140,20 +136,14 @@ pub fn run(options: &Options) -> Result<Findings> {
 fn row(condition: Condition, times: &[f64], cameras: &[&Outcome]) -> Vec<Entry> {
     let good: Vec<&Outcome> = cameras.iter().copied().filter(|it| it.status == CalibrationStatus::Converged).collect();
     let values = |of: fn(&Outcome) -> f64| good.iter().map(|it| of(it)).collect::<Vec<f64>>();
-    let [position, position_95] = quantiles(&values(|it| it.position_m), [0.5, 0.95], 1e3);
-    let [rotation, rotation_95] = quantiles(&values(|it| it.rotation_deg), [0.5, 0.95], 1.0);
-    let [time, time_95] = quantiles(&values(|it| it.time_s.abs()), [0.5, 0.95], 1e3);
     vec![
         Entry::Count(condition.cameras),
         Entry::text(condition.about),
         Entry::Count(times.len()),
         percent(good.len(), cameras.len()),
-        position,
-        position_95,
-        rotation,
-        rotation_95,
-        time,
-        time_95,
+        spread(&values(|it| it.position_m), 1e3),
+        spread(&values(|it| it.rotation_deg), 1.0),
+        spread(&values(|it| it.time_s.abs()), 1e3),
         percent(good.iter().filter(|it| it.is_covered).count(), good.len()),
         median(&values(|it| it.position_sd_m), 1e3),
         median(&values(|it| it.rotation_sd_deg), 1.0),

@@ -14,9 +14,7 @@ use crate::{
 };
 
 const LEGEND: &str = "Throws are past each arm where it can reach (`random_by_reach`). Each arm waits in the ready pose of its own file, the one of a \
-scenario in the scenario's. A throw is *within reach* if it was caught, or if the oracle finds it possible for an arm that begins to move 60 ms after \
-the first image. The oracle knows neither the object's shape nor the speed of the fingers. The rate *caught* is of those, with its interval (Wilson, \
-95 %). `catchingbot check` lists for each gripper how wide and how fast objects may be.";
+scenario in the scenario's. `catchingbot check` lists for each gripper how wide and how fast objects may be. Misses are those of all three objects.";
 
 /// Arms and hands of a scenario.
 #[derive(Deserialize)]
@@ -38,7 +36,7 @@ pub fn run(options: &Options) -> Result<Findings> {
         toml::from_str(include_str!("grippers_and_arms.toml")).context("grippers_and_arms.toml")?;
     let mut tables = Vec::new();
     for Pairs { name, pairs } in &compared.scenario {
-        let mut table = Table::new(&format!("Caught of the throws within reach, `{name}`"), &columns);
+        let mut table = Table::new(&format!("Caught of the throws within reach, `{name}`"), &columns).across("object");
         for [robot, gripper] in pairs {
             for object in Kind::Object.names() {
                 let setup = Setup::load(&Choice {
@@ -55,5 +53,5 @@ pub fn run(options: &Options) -> Result<Findings> {
         }
         tables.push(table);
     }
-    Ok(Findings { legend: [LEGEND, rates::MISSES].concat(), tables })
+    Ok(Findings { legend: [LEGEND, rates::DEFINED, rates::MISSES].concat(), tables })
 }

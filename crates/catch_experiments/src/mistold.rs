@@ -22,10 +22,10 @@ use crate::{
 };
 
 const LEGEND: &str = "\
-One belief of the brain is wrong at a time. The world is the same, and so is each throw. Caught with the right and the wrong belief: *right* \
-and *wrong*. *Difference*: wrong less right, in points of all throws, with its interval of 95 % for pairs. Every extent of the scan is off in \
-*size*. The *centre of mass* of the object is beside that of uniform density, which the brain expects. This row alone changes the world. What \
-a run has found is kept in `target/mistold`, so that one that was ended goes on.";
+One belief of the brain is wrong at a time. The world is the same, and so is each throw. *Right, %* is caught with the right belief. Cells have the rate \
+with the wrong belief less the right one's, in points of all throws, before the interval of 95 % for pairs. The scan's every extent is off in *size*. The *centre of \
+mass* of the object is beside that of uniform density, which the brain expects: this row alone changes the world. Parts of a run that was ended are kept in \
+`target/mistold`.";
 
 /// Sources that throws depend on.
 const SOURCES: &[&str] = &[
@@ -77,8 +77,8 @@ pub fn run(options: &Options) -> Result<Findings> {
 }
 
 fn table(scenario: &str, options: &Options) -> Result<Table> {
-    let columns = ["belief", "value", "object", "pairs", "right, %", "wrong, %", "difference, points", "from", "to"];
-    let mut table = Table::new(&format!("What a wrong belief costs in `{scenario}`"), &columns);
+    let columns = ["belief", "value", "object", "pairs", "right, %", "difference, points"];
+    let mut table = Table::new(&format!("What a wrong belief costs in `{scenario}`"), &columns).across("object");
     let mut right = Vec::new();
     for object in Kind::Object.names() {
         right.push(Case { scenario, object, belief: "right", value: "" }.caught(
@@ -148,13 +148,10 @@ impl Case<'_> {
 
     fn row(&self, object: &str, [pairs, right, gained, lost]: [usize; 4]) -> Vec<Entry> {
         let [from, to] = paired95(gained, lost, pairs);
-        let points = |it: f64| Entry::Number(Some(100.0 * it));
         let difference = (gained as f64 - lost as f64) / pairs.max(1) as f64;
-        let mut row: Vec<Entry> = [self.belief, self.value, object].map(Entry::text).into();
-        row.push(Entry::Count(pairs));
-        row.extend([percent(right, pairs), percent(right + gained - lost, pairs)]);
-        row.extend([points(difference), points(from), points(to)]);
-        row
+        let points = Entry::Spread([difference, from, to].map(|it| 100.0 * it).into());
+        let labels = [self.belief, self.value, object].map(Entry::text);
+        labels.into_iter().chain([Entry::Count(pairs), percent(right, pairs), points]).collect()
     }
 }
 

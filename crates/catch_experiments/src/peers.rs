@@ -27,23 +27,23 @@ use serde_json::Value;
 use crate::{Findings, Options, results::Table, spread::cpu_ms};
 
 const LEGEND: &str = "`benches/peers/run` makes the environment of Python and calls the command. Everything runs in one thread on one core. \
-Times are CPU times, the least of five repetitions, so that other programs disturb little. Where problems are timed one by one, the table has the median and the most of these least times. \
-What is prepared once is not counted: distance fields of ours, search trees and normals of peers, and Drake's program before its solver is called.
+Times are CPU times, the least of five repetitions. Of problems timed one by one, tables have the median and the most. \
+Preparation is not counted: distance fields of ours, search trees and normals of peers, and Drake's program before its solver is called. \
+[Compared with others](../explanation/compared-with.md) tells what the peers do better.
 
-* **Dynamics.** Peers are called from Python. *Batch* is a loop inside the library. Of *calls*, the same calls on a model without joints are subtracted, which are their overhead. \
-Pinocchio and Drake compute forward dynamics by the articulated-body algorithm, ours by the factors of a mass matrix that is made of eight inverse dynamics. \
-Ours is for one serial arm, with vectors of fixed size. Peers serve any tree of bodies, and Drake's plants keep caches.
-* **Depth images.** Our renderer casts rays only where bodies may be, MuJoCo's one for each pixel. Ours has 48 flat strips around a capsule, which are up to 0.17 mm short. MuJoCo's capsules are round. \
-MuJoCo can also render with a graphics card, which is not measured.
-* **Physics.** The arm is held in its posture in both. The arena has steps of 1 ms, and four parts of them where something moves against something. The exported scene asks MuJoCo for shorter ones, for stiff contacts. Ours has a controller of computed torque, a gripper's drive and a record of true states at each step. MuJoCo has springs that Python sets at each millisecond of the arena. \
-Its Runge–Kutta steps follow the flight best; its Euler steps cost less.
-* **Motions.** Position, velocity and time are given at both ends, the acceleration there is free. Limits are those of position, velocity and acceleration. Ours and Drake's are cubic splines of equally many control points with least ∫ acceleration². \
-Ours knows that joints are independent once the time is given, and solves seven small quadratic programs. Drake's program may also free the duration and couple joints, and so is not one. \
-Ruckig's profiles are in closed form and keep the shortest time, which ours do not seek. Their acceleration jumps, and position limits are not part of the problem.
-* **Clouds.** Ours follows the distance field of the object, which is prepared once for each object. From far starts it converges to wrong poses of the banana more often than point to plane; the brain tries many orientations there. Peers search corresponding points in every step. Their settings are their own, but for 50 steps at most and a distance of 30 mm. \
+* **Dynamics.** *Batch* is a loop inside the library. *Calls* from Python are without their overhead, that of the same calls on a model without joints. \
+Peers compute forward dynamics by the articulated-body algorithm for any tree, ours by a mass matrix of eight inverse dynamics for one serial arm.
+* **Depth images.** Our renderer casts rays only where bodies may be, MuJoCo's one for each pixel. Our capsules are 48 flat strips, up to 0.17 mm short. \
+MuJoCo's renderer on a graphics card is not measured.
+* **Physics.** The arm is held in its posture. The arena has steps of 1 ms, and a quarter of that where something moves against something. \
+Ours has a controller of computed torque, a gripper's drive and a record of true states at each step, MuJoCo springs that Python sets at each millisecond.
+* **Motions.** Position, velocity and time are given at both ends; position, velocity and acceleration are limited. Ours and Drake's are cubic splines of \
+equally many control points with least ∫ acceleration². Ours solves seven small quadratic programs; Drake's program may also free the duration and couple joints. \
+Ruckig's profiles, in closed form, jump in acceleration and ignore position limits.
+* **Clouds.** Ours follows the distance field of the object. Peers search corresponding points in every step, 50 steps at most, up to 30 mm away. \
 The error is the mean distance of the whole surface from itself at the true pose, so that symmetries do not count.
-* **Inverse kinematics.** Ours is in closed form for arms of this kind, and finds all arcs of postures. Optik serves any chain. The loop with Pinocchio is in Python, whose overhead is most of its time, and has ten starts at most.
-* **Trials.** The authors' own code is not run by this command; its method and its world are rebuilt in the scenario `as-published`.
+* **Inverse kinematics.** Ours is in closed form, and finds all arcs of postures. The loop with Pinocchio is in Python, whose \
+overhead is most of its time, and has ten starts at most.
 * **Growth.** Ticks are those of the first 200 ms of a throw, each timed once. Images are whole until the object is found, then windows around it.";
 
 /// Rows of the page: the name of the script, and what writes its problems.

@@ -186,10 +186,10 @@ impl Errors {
     }
 }
 
-pub const LEGEND: &str = "\n\nPoses and predictions: the brain sees the first 200 ms of each throw at 100 Hz, by the cameras of the scenario, and is told their data \
-sheet. Errors are medians, of poses over all images, of predictions over all throws. A first pose is right within 10 mm and 0.2 rad. \
-Predictions are for 0.55 s after the release, from the first 100 ms and from all 200 ms. *Within 95 %*: predicted positions whose error \
-lies within the 95 % ellipsoid of their covariance. *Without*: throws without a prediction, or touched by then.";
+pub const LEGEND: &str = "\n\nThe last table has the first 200 ms of throws of `paper`, at 100 Hz; the brain is told the cameras' data sheet. Errors are \
+medians, of poses over all images, of predictions over all throws. A first pose is right within 10 mm and 0.2 rad. Predictions are for 0.55 s after the \
+release, from the first 100 ms and from all 200 ms. *Within 95 %*: predicted positions in their 95 % ellipsoid. *Without*: throws without a prediction, or \
+touched by then.";
 
 const COLUMNS: [&str; 10] = [
     "throws",

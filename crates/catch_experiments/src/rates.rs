@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use catch_body::statistics::wilson95;
 use catch_lab::{
     evaluation::{Cell, Evaluation, Row},
     parallel,
@@ -11,14 +10,20 @@ use catch_lab::{
     scenario::setup::Setup,
 };
 
-use crate::{Options, results::Entry, spread::percent};
+use crate::{
+    Options,
+    results::Entry,
+    spread::{percent, rate},
+};
 
 /// Figures of each condition.
-pub const FIGURES: [&str; 7] =
-    ["trials", "within reach, %", "caught, %", "from, %", "to, %", "limits broken", "misses within reach"];
+pub const FIGURES: [&str; 5] = ["trials", "within reach, %", "caught, %", "limits broken", "misses within reach"];
 
-/// Sentence of a legend about the last of them.
-pub const MISSES: &str = " [Statuses](../reference/statuses.md) explains the names of misses.";
+/// Sentences of a legend about them.
+pub const MISSES: &str =
+    " Rates stand before their interval (Wilson, 95 %). [Statuses](../reference/statuses.md) explains misses.";
+/// The same where another page defines them.
+pub const DEFINED: &str = " [Catch rates](catch-rates.md) defines *caught*, *within reach* and *limits broken*.";
 
 /// The trials of a condition, the same number of each of its throws.
 fn rows(setups: Vec<Setup>, options: &Options) -> Result<Vec<Row>> {
@@ -39,26 +44,21 @@ pub fn figures(setups: Vec<Setup>, options: &Options) -> Result<Vec<Entry>> {
     let rows = rows(setups, options)?;
     let within: Vec<&Row> = rows.iter().filter(|row| !row.verdict.is_out_of_reach()).collect();
     let caught = within.iter().filter(|row| row.verdict.caught).count();
-    let [low, high] = wilson95(caught, within.len());
     Ok(vec![
         Entry::Count(rows.len()),
         percent(within.len(), rows.len()),
-        percent(caught, within.len()),
-        Entry::Number(Some(100.0 * low)),
-        Entry::Number(Some(100.0 * high)),
+        rate(caught, within.len()),
         Entry::Count(rows.iter().map(|row| row.verdict.limit_violations).sum()),
         misses(within.iter().filter_map(|row| row.verdict.reason)),
     ])
 }
 
-/// Misses of each reason by its name, the most frequent first.
+/// Misses of each reason by its name.
 pub fn misses(reasons: impl Iterator<Item = Reason>) -> Entry {
-    let mut counts: BTreeMap<Reason, usize> = BTreeMap::new();
-    reasons.for_each(|reason| *counts.entry(reason).or_default() += 1);
-    let mut counts: Vec<(Reason, usize)> = counts.into_iter().collect();
-    counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-    let name = |reason: Reason| serde_json::to_string(&reason).unwrap_or_default().replace('"', "");
-    Entry::text(
-        counts.into_iter().map(|(reason, count)| format!("{count} {}", name(reason))).collect::<Vec<_>>().join(", "),
-    )
+    let mut counts = BTreeMap::new();
+    for reason in reasons {
+        let name = serde_json::to_string(&reason).unwrap_or_default().replace('"', "");
+        *counts.entry(name).or_default() += 1;
+    }
+    Entry::Kinds(counts)
 }

@@ -16,9 +16,11 @@ use crate::{
     results::{Entry, Table},
 };
 
-const LEGEND: &str = "An error is the distance from the predicted to the true position at one time. The last columns are the diagram: how many of the true positions lie \
-in the ellipsoids that claim to hold 50, 80, 95 and 99 % of them. Simulated throws are random ones, seen by the brain with the cameras of the \
-scenario. What is predicted is the position 0.6 s after the release, and the arm stands still.";
+const LEGEND: &str = "Simulated throws are random ones, seen by the brain with the cameras of the scenario; the arm stands still. The position 0.6 s after \
+the release is predicted. An error is the distance from the predicted to the true position.";
+/// Sentences of a legend about the figures.
+pub const COVERED: &str = " Errors are medians, with 95 % quantiles in brackets. *In 50/80/95/99 %* is the reliability diagram: how many of the true positions \
+lie in the ellipsoids that claim to hold 50, 80, 95 and 99 % of them.";
 
 /// Time after the release for which positions are predicted, in seconds: shortly before objects are caught.
 const PREDICTED_FOR_S: f64 = 0.6;
@@ -41,7 +43,7 @@ pub fn run(options: &Options) -> Result<Findings> {
         }
         tables.push(table(&format!("Simulated, `{scenario}`"), &TO_GO_S.map(|it| format!("{it} s to go")), of_objects));
     }
-    Ok(Findings { legend: LEGEND.to_owned(), tables })
+    Ok(Findings { legend: [LEGEND, COVERED].concat(), tables })
 }
 
 /// The misses of one throw by time to go; `None` where something touched the object.
@@ -72,12 +74,11 @@ fn simulated(setup: &Setup, seed: u64, index: u64) -> Option<[Option<Miss>; 4]> 
     }))
 }
 
-/// A line for each object and time, and for all objects together.
+/// A line for each object, and for all objects together, with a cell for each time.
 pub fn table(title: &str, times: &[String; 4], mut of_objects: Vec<(String, Misses)>) -> Table {
-    let claimed = QUANTILES.map(|(claimed, _)| format!("in {:.0} %, %", 100.0 * claimed));
-    let columns = ["object", "predicted", "throws", "without", "median, cm", "p95, cm"].map(str::to_owned);
-    let mut table = Table::new(title, &[]);
-    table.columns = columns.into_iter().chain(claimed).collect();
+    let claimed = QUANTILES.map(|(claimed, _)| format!("{:.0}", 100.0 * claimed)).join("/");
+    let columns = ["object", "predicted", "throws", "without", "error, cm", &format!("in {claimed} %")];
+    let mut table = Table::new(title, &columns).across("predicted");
     if of_objects.len() > 1 {
         let pooled = std::array::from_fn(|at| of_objects.iter().flat_map(|(_, it)| it[at].iter().copied()).collect());
         of_objects.push(("all".to_owned(), pooled));
@@ -85,11 +86,11 @@ pub fn table(title: &str, times: &[String; 4], mut of_objects: Vec<(String, Miss
     for (object, misses) in of_objects {
         for (time, misses) in times.iter().zip(&misses) {
             let Reliability { throws, failed, median_m, p95_m, covered } = Reliability::of(misses);
-            let number = |value: f64| Entry::Number(value.is_finite().then_some(value));
-            let mut row = vec![Entry::text(&object), Entry::text(time), Entry::Count(throws), Entry::Count(failed)];
-            row.extend([median_m, p95_m].map(|it| number(100.0 * it)));
-            row.extend(covered.map(|it| number(100.0 * it)));
-            table.rows.push(row);
+            let errors = [median_m, p95_m].into_iter().filter(|it| it.is_finite()).map(|it| 100.0 * it).collect();
+            let covered = covered.map(|it| format!("{:.1}", 100.0 * it)).join("/");
+            let counts = [throws, failed].map(Entry::Count);
+            let labels = [&object, time].map(Entry::text);
+            table.rows.push([&labels[..], &counts, &[Entry::Spread(errors), Entry::Text(covered)]].concat());
         }
     }
     table

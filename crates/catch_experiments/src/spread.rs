@@ -1,6 +1,6 @@
 //! Times, and quantiles of what was measured as entries of tables.
 
-use catch_body::statistics::{quantile, sorted};
+use catch_body::statistics::{quantile, sorted, wilson95};
 
 use crate::results::Entry;
 
@@ -14,6 +14,18 @@ pub fn quantiles<const N: usize>(values: &[f64], fractions: [f64; N], factor: f6
 pub fn median(values: &[f64], factor: f64) -> Entry {
     let [middle] = quantiles(values, [0.5], factor);
     middle
+}
+
+/// The median and the 95 % quantile, times a factor.
+pub fn spread(values: &[f64], factor: f64) -> Entry {
+    let values = sorted(values.iter().map(|value| factor * value));
+    Entry::Spread([0.5, 0.95].iter().filter_map(|&fraction| quantile(&values, fraction)).collect())
+}
+
+/// A part of a whole in percent, with Wilson's interval of 95 %.
+pub fn rate(part: usize, whole: usize) -> Entry {
+    let [from, to] = wilson95(part, whole);
+    Entry::Spread([part as f64 / whole.max(1) as f64, from, to].map(|it| 100.0 * it).into())
 }
 
 /// A part of a whole in percent.

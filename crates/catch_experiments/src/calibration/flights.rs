@@ -11,7 +11,7 @@ use nalgebra::Point3;
 use super::{Condition, Outcome, outcome};
 use crate::{
     results::{Entry, Table},
-    spread::{median, percent, quantiles},
+    spread::{median, percent, spread},
 };
 
 /// Flights of each draw.
@@ -83,13 +83,9 @@ pub fn table() -> Table {
         "draws",
         "refined, %",
         "position, mm",
-        "95 %",
         "rotation, °",
-        "95 %",
         "time, ms",
-        "95 %",
         "apart, mm",
-        "95 %",
         "coverage, %",
         "claimed, mm",
         "claimed, °",
@@ -120,11 +116,11 @@ pub fn rows(condition: Condition, draws: &[&Refined]) -> Vec<Vec<Entry>> {
             Entry::Count(draws.len()),
             percent(draws.iter().filter(|it| it.is_refined).count(), draws.len()),
         ];
-        row.extend(quantiles(&values(|it| it.position_m), [0.5, 0.95], 1e3));
-        row.extend(quantiles(&values(|it| it.rotation_deg), [0.5, 0.95], 1.0));
-        row.extend(quantiles(&values(|it| it.time_s.abs()), [0.5, 0.95], 1e3));
-        row.extend(quantiles(&apart, [0.5, 0.95], 1e3));
         row.extend([
+            spread(&values(|it| it.position_m), 1e3),
+            spread(&values(|it| it.rotation_deg), 1.0),
+            spread(&values(|it| it.time_s.abs()), 1e3),
+            spread(&apart, 1e3),
             percent(cameras.iter().filter(|it| it.is_covered).count(), cameras.len()),
             median(&values(|it| it.position_sd_m), 1e3),
             median(&values(|it| it.rotation_sd_deg), 1.0),

@@ -27,11 +27,9 @@ const THROWS: u64 = 13;
 /// Throws of a rig with an object for each life.
 const TRIALS_PER_LIFE: u64 = 20;
 
-pub const LEGEND: &str = "\n\nA camera that was pushed: lives of 13 throws of the three objects in random order, in the scenario honest with near stereo cameras that \
-run freely, without labels. After 9 s one camera, drawn at random, is pushed by 20 mm in a random direction. A \
-life in which the push was *noticed* is one whose brain says that this camera is displaced, in one of the \
-throws that begin after that. Those are ten or more. A camera was *named wrongly* in lives in which the \
-brain named another one, or this one before the push. In half as many lives with three and four cameras no camera is pushed.";
+pub const LEGEND: &str = "\n\nThe other tables have lives of 13 throws of the three objects in random order. After 9 s one camera, drawn at random, is pushed by 20 mm in a \
+random direction; ten throws or more follow. The push is *noticed* if the brain says in one of them that this camera is displaced. A camera is *named \
+wrongly* in lives in which the brain names another one, or this one before the push. No camera is pushed in half as many lives.";
 
 /// Result of a life.
 struct Pushed {
