@@ -10,6 +10,7 @@ import json
 import math
 import os
 import platform
+import subprocess
 import sys
 import tempfile
 import time
@@ -52,9 +53,8 @@ def setup(condition: str, thing: str, **settings) -> cb.Setup:
 
 
 def first_touch(parts: list[str], first_s) -> str:
-    """The part that touched the object first, and when."""
-    at = int(np.argmin(first_s))
-    return f"{parts[at]}, {first_s[at]:.3f} s" if np.isfinite(first_s[at]) else "nothing"
+    """The part that touched the object first."""
+    return parts[int(np.argmin(first_s))] if np.isfinite(first_s).any() else "nothing"
 
 
 def arena_touch(recording: cb.Recording) -> str:
@@ -141,25 +141,30 @@ def work_off(kept: Path, wanted: list[list]) -> dict[str, list[str]]:
     return done
 
 
-def row(name: str, throws: list[list[str]], other: int) -> str:
-    """Counts of throws by who caught them, the arena or the `other` of the ends, with the 95 % interval of the difference of paired rates
+def compared(throws: list[list[str]], other: int) -> str:
+    """How many throws the arena alone caught and the `other` of the ends alone, and the difference of the paired rates with its 95 % interval
     by Agresti and Min (2005)."""
     pairs, n = [(it[0] == "caught", it[other] == "caught") for it in throws], len(throws)
-    both, first, second, neither = (pairs.count(it) for it in [(True, True), (True, False), (False, True), (False, False)])
+    first, second = pairs.count((True, False)), pairs.count((False, True))
     b, c, m = first + 0.5, second + 0.5, n + 2
     difference, half = (c - b) / m, 1.96 * math.sqrt(b + c - (b - c) ** 2 / m) / m
     interval = f"{100 * (difference - half):+.1f} to {100 * (difference + half):+.1f}"
-    return f"| {name} | {n} | {both} | {first} | {second} | {neither} | {100 * (second - first) / n:+.1f} | {interval} |"
+    return f" {first}/{second} | {100 * (second - first) / n:+.1f} ({interval}) |"
 
 
-def table(ends, way: str, other: int, conditions: list[str]) -> str:
+def table(ends, way: str, others: list[int], conditions: list[str]) -> str:
+    """Rows of the objects whose throws do not all end alike, and of all objects."""
     rows, every = [], {}
     for title in conditions:
         for thing in OBJECTS:
             throws = [it for key, it in ends.items() if json.loads(key)[:3] == [way, title, thing]]
-            rows += [row(f"{title}, {thing}", throws, other)] if throws else []
+            if any(len({end == "caught" for end in it}) > 1 for it in throws):
+                rows.append((f"{title}, {thing}", throws))
             every.setdefault(CONDITIONS[title][0], []).extend(throws)
-    return "\n".join(rows + [row(f"{NAMES[option]}, all", throws, other) for option, throws in every.items() if throws])
+    rows += [(f"{NAMES[option]}, all", throws) for option, throws in every.items() if throws]
+    return "\n".join(
+        f"| {name} | {len(throws)} | {sum(it[0] == 'caught' for it in throws)} |" + "".join(compared(throws, it) for it in others) for name, throws in rows
+    )
 
 
 def main() -> None:
@@ -184,75 +189,69 @@ def main() -> None:
     ends = {key: ends[key] for key in map(json.dumps, wanted)}
     differing = [it for it in map(json.loads, ends) if it[0] == "closed" and len({end == "caught" for end in ends[json.dumps(it)][:2]}) > 1]
     touched = work_off(asked.kept, [["touches", *it[1:]] for it in differing])
-    differing = [
-        "| " + " | ".join(map(str, [f"{it[1]}, {it[2]}", f"{it[3]}, {it[4]}", *ends[json.dumps(it)], *touched[json.dumps(["touches", *it[1:]])]])) + " |"
-        for it in differing
-    ]
+    by_ends = {}
+    for it in differing:
+        arena, other, finer = ends[json.dumps(it)]
+        mark = "*" if (finer == "caught") == (other == "caught") else ""
+        by_ends.setdefault(f"| {it[1]}, {it[2]} | {arena} | {other} |", []).append(f"{it[3]}/{it[4]}{mark}")
     page = PAGE.format(
-        engines=table(ends, "closed", 1, SINGLE),
-        steps=table(ends, "closed", 2, SINGLE),
-        reruns=table(ends, "open", 1, SINGLE),
-        finer=table(ends, "open", 2, SINGLE),
-        others=table(ends, "closed", 1, list(CONDITIONS)[3:]),
+        closed=table(ends, "closed", [1, 2], SINGLE),
+        open=table(ends, "open", [1, 2], SINGLE),
+        others=table(ends, "closed", [1], list(CONDITIONS)[3:]),
         ticks="\n".join(tick_cost(*it) for it in [("honest", 20), ("lab", 2)]),
-        differing="\n".join(differing) or "| none | | | | | | |",
+        differing="\n".join(f"{name} {' '.join(throws)} |" for name, throws in by_ends.items()) or "| none | | | |",
+        same_part=sum(len(set(touched[json.dumps(["touches", *it[1:]])])) == 1 for it in differing),
+        all_differing=len(differing),
         mujoco=mujoco.__version__,
         version=cb.__version__,
+        commit=subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip(),
         machine=f"{platform.machine()}, {os.cpu_count()} cores",
         arguments=" ".join([*(f"--{it} {getattr(asked, it)}" for it in ["paper", "honest", "open", "friction", "arms"]), "--seed", *map(str, asked.seed)]),
     )
     (ROOT / "docs/results/engines.md").write_text(page)
 
 
-HEAD = """| condition, object | throws | both | only the arena | only {} | neither | difference | interval |
-|---|---|---|---|---|---|---|---|"""
-
-PAGE = f"""# Results: two engines
+PAGE = """# Results: two engines
 
 This page is written by a command; changes by hand get lost.
 
-The same throws in the arena and in [a cell around MuJoCo](../how-to/own-cell-in-python.md). Release, friction, restitution, air, masses,
-mount and the places of the cameras are those of the arena. Noise is the cell's own. One rule judges both.
+The same throws in the arena, in [a cell around MuJoCo](../how-to/own-cell-in-python.md), and in the arena at a *quarter* of its step. Release,
+friction, restitution, air, masses, mount and the places of the cameras are those of the arena. Noise is the cell's own. One rule judges all.
 
 | | |
 |---|---|
-| command | `python crates/catch_py/examples/engines.py {{arguments}}` |
-| version | {{version}}, MuJoCo {{mujoco}} |
-| machine | {{machine}} |
+| command | `python crates/catch_py/examples/engines.py {arguments}` |
+| version | {version}, MuJoCo {mujoco} |
+| commit | {commit} |
+| machine | {machine} |
 
-The last two columns of each table are the difference of the paired rates in points, the other engine less the arena, and its 95 % interval
-(Agresti and Min, 2005). The interval is wide where throws are few.
+Tables count throws, and those that the arena catches. *Only* has those that the arena alone catches, and those that the other alone catches.
+The *difference* of the rates, the other less the arena, is in points, with its 95 % interval for pairs (Agresti and Min, 2005). Objects have
+equally many throws of a condition. Those whose throws all end alike have no row of their own.
 
 ## Closed loop
 
 The brain sees images that MuJoCo's rays give, and its commands drive MuJoCo's arm.
 
-{HEAD.format("MuJoCo")}
-{{engines}}
-
-The arena and itself at a quarter of its step, for comparison:
-
-{HEAD.format("a quarter")}
-{{steps}}
+| condition, object | throws | arena | only, MuJoCo | difference | only, quarter | difference |
+|---|---|---|---|---|---|---|
+{closed}
 
 ## Open loop
 
-The commands of the arena's brain drive MuJoCo's arm at the recorded times, whatever becomes of the object.
+The commands of the arena's brain drive the other arm at the recorded times, whatever becomes of the object.
 
-{HEAD.format("MuJoCo")}
-{{reruns}}
-
-The arena at a quarter of its step with the same commands:
-
-{HEAD.format("a quarter")}
-{{finer}}
+| condition, object | throws | arena | only, MuJoCo | difference | only, quarter | difference |
+|---|---|---|---|---|---|---|
+{open}
 
 ## Less friction, other arms
 
 Closed loop. Friction × 0.7 is that of both engines.
 
-{HEAD.format("MuJoCo")}
-{{others}}
+| condition, object | throws | arena | only, MuJoCo | difference |
+|---|---|---|---|---|
+{others}
 
 ## A tick in Python
 
@@ -261,15 +260,16 @@ the constructors of the package from arrays. The rest of a tick is the brain and
 
 | scenario | ticks | observation, median | observation, 95 % | rest, median |
 |---|---|---|---|---|
-{{ticks}}
+{ticks}
 
 ## Throws that end differently
 
-Closed loop. The last two columns have what touched the object first, and when.
+Closed loop, as seed/throw, marked * where the arena at a quarter of its step ends as MuJoCo does: caught or not. In {same_part} of
+{all_differing} throws the same part touches the object first in both engines.
 
-| condition, object | seed, throw | arena | MuJoCo | arena at a quarter of its step | first touch in the arena | in MuJoCo |
-|---|---|---|---|---|---|---|
-{{differing}}
+| condition, object | arena | MuJoCo | throws |
+|---|---|---|---|
+{differing}
 """
 
 if __name__ == "__main__":
