@@ -29,14 +29,13 @@ const TRIALS_PER_STEP_TRIAL: usize = 15;
 const TRIALS_PER_TRIAL_AROUND: usize = 3;
 
 const LEGEND: &str = "At 0.875 s the object is less than *5 cm* or *2.5 cm* from the gripper along its z axis, as the authors' code and the paper's \
-text count. It is *held* if it is squeezed 0.4 s later, and *caught* by this project's rule without its condition on limits. Rates stand before their \
-interval of 95 % (Wilson, as if each trial were a draw of its own). The *rerun* is that of the authors' code, by the first three measures. \
-How hard the arm is driven is in medians. *Around* the throws of Table I, up to 5 mm from them, each trial has its own images. \
-[The paper's method](../explanation/the-papers-method.md) tells why a cell of Table I is about one draw of a grasp.
+text count. The object is *held* if it is squeezed 0.4 s later. It is *caught* by this project's rule without its condition on limits. Rates stand before \
+their interval of 95 % (Wilson, as if each trial were a draw of its own). The *rerun* is that of the authors' code, by the first three measures. \
+How hard the arm is driven is in medians. Trials *around* the throws of Table I, up to 5 mm from them, have images of their own. \
+On single throws a cell is about one draw of a grasp ([why](../explanation/the-papers-method.md#how-near-table-i-comes)).
 
-The assumptions' worth is measured around the throws, with the same throws in each line. A line takes one more assumption away from the line above. *Change* \
-is in points against that line, with the 95 % interval of a paired difference (Agresti and Min). *Alone*: the change if this assumption alone is taken away \
-from `as-published`.";
+The assumptions' worth is measured around the throws, with the same throws in each line. A line takes one more assumption away from the line above. Its \
+*change* is in points, with the 95 % interval of a paired difference (Agresti and Min). The columns *alone* take this assumption alone away.";
 
 /// An assumption of the published code.
 #[derive(Deserialize)]
