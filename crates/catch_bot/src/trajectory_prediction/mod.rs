@@ -11,6 +11,7 @@ mod flight;
 mod local_flight;
 mod process_noise;
 pub mod ransac;
+mod rotation_consensus;
 mod tumbling;
 
 use catch_body::quantity;
@@ -252,6 +253,7 @@ impl InformationFit {
         let known = known.filter(|(_, agreeing)| enough(*agreeing)).map(|(flight, _)| flight);
         if let Some(known) = &known
             && known.error_scale <= MAX_ERROR_SCALE
+            && known.inliers as f64 >= GOOD_INLIER_FRACTION * known.considered as f64
         {
             return Ok(known.clone());
         }
@@ -264,7 +266,11 @@ impl InformationFit {
                 fit::fit(fitted, &start, symmetry, config, fitting).map(|(flight, _)| flight)
             });
         match (known, anew) {
-            (Some(known), Ok(anew)) if anew.error_scale > MUCH_BETTER * known.error_scale => Ok(known),
+            (Some(known), Ok(anew))
+                if anew.inliers <= known.inliers && anew.error_scale > MUCH_BETTER * known.error_scale =>
+            {
+                Ok(known)
+            }
             (Some(known), Err(_)) => Ok(known),
             (_, anew) => anew,
         }
@@ -305,6 +311,7 @@ const MOST_DRAG_PER_M: f64 = 1.0;
 const MUCH_BETTER: f64 = 0.8;
 /// A flight that fewer than this fraction of the newest poses agree with is given up, and searched for anew.
 pub const MIN_INLIER_FRACTION: f64 = 0.25;
-/// A fit whose poses err by more than so many times what they say is searched for anew as well, and the
-/// better one is taken.
+/// A fit whose poses err by more than so many times what they say, or that fewer than this fraction of them
+/// agree with, is searched for anew as well, and the better one is taken.
 const MAX_ERROR_SCALE: f64 = 2.0;
+const GOOD_INLIER_FRACTION: f64 = 0.7;

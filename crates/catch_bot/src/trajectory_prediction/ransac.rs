@@ -1,25 +1,30 @@
 //! Random sample consensus over flights through two poses (paper, III-B; Fischler and Bolles, 1981).
 
-use catch_body::{dynamics::gravity, statistics::median_in_place};
+use catch_body::dynamics::gravity;
 use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::{Config, FlightTrajectory, PredictionStatus, flight::Motion, tumbling};
+use super::{
+    Config, FlightTrajectory, PredictionStatus,
+    flight::Motion,
+    rotation_consensus::{Orientation, agree_on_rotation},
+    tumbling,
+};
 use crate::perception::{ObjectPose, Symmetry};
 
 /// Buffers of the search.
 #[derive(Debug, Clone, Default)]
 pub struct Scratch {
-    turn_rates: [Vec<f64>; 3],
+    orientations: Vec<Orientation>,
 }
 
 /// Model of a sampled flight's rotation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rotation {
-    /// Rotation of a free rigid body, at the median of the rates between neighbouring poses. Poses agree by
-    /// their positions alone: the shortest rotation between the two poses of a tumbling object is often not
-    /// the way it rotated.
+    /// Rotation of a free rigid body, the one that most poses agree with. Poses agree with a flight by their
+    /// positions alone: the shortest rotation between the two poses of a tumbling object is often not the way
+    /// it rotated.
     Free,
     /// Rotation at a constant rate by the shortest rotation between its two poses, to which the other poses
     /// must agree (paper).
@@ -93,7 +98,17 @@ pub fn best_flight(
         return Err(PredictionStatus::NoAgreement);
     }
     if rotation == Rotation::Free {
-        flight.w_WO = typical_spin(poses, &flight, symmetry, config, &mut scratch.turn_rates);
+        let orientations = &mut scratch.orientations;
+        orientations.clear();
+        // Room for as many as there will ever be, so that it is made once.
+        orientations.reserve(config.considered.window);
+        each_position(poses, &flight, |pose, p_WO| {
+            let distance = (pose.X_WO.translation.vector - p_WO).norm();
+            if is_finite(pose) && distance < reach_m(pose, config) {
+                orientations.push(Orientation::of(pose));
+            }
+        });
+        agree_on_rotation(orientations, &mut flight, symmetry, config);
     }
     // Estimate of its uncertainty without a fit: two points, each as far off as the inliers on average.
     let variance = mean_square_m2 / 3.0;
@@ -157,33 +172,6 @@ fn through(
         ..FlightTrajectory::default()
     };
     (v_WOcm.iter().chain(w_WO.iter()).all(|value| value.is_finite())).then_some(flight)
-}
-
-/// Median, component by component, of the turns from one agreeing pose to the next per time. Over the short
-/// time between two frames the shortest turn is the true one, which it need not be between the two poses that
-/// were sampled.
-fn typical_spin(
-    poses: &[ObjectPose],
-    flight: &FlightTrajectory,
-    symmetry: &Symmetry,
-    config: &Config,
-    components: &mut [Vec<f64>; 3],
-) -> Vector3<f64> {
-    components.iter_mut().for_each(Vec::clear);
-    let mut earlier: Option<&ObjectPose> = None;
-    each_position(poses, flight, |pose, p_WO| {
-        let distance = (pose.X_WO.translation.vector - p_WO).norm();
-        if !is_finite(pose) || distance >= reach_m(pose, config) {
-            return;
-        }
-        if let Some(earlier) = earlier.filter(|earlier| pose.capture_s - earlier.capture_s > 1e-6) {
-            let turn = symmetry.turn_between(&earlier.X_WO.rotation, &pose.X_WO.rotation);
-            let elapsed_s = pose.capture_s - earlier.capture_s;
-            components.iter_mut().zip(turn.iter()).for_each(|(values, angle)| values.push(angle / elapsed_s));
-        }
-        earlier = Some(pose);
-    });
-    Vector3::from_fn(|axis, _| median_in_place(&mut components[axis]))
 }
 
 /// Calls `visit` with each pose and where the flight is then, pose after pose.
