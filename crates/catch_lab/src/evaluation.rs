@@ -8,7 +8,10 @@ pub mod results;
 pub mod summary_table;
 pub mod trial_table;
 
-use std::{fmt, sync::Arc};
+use std::{
+    fmt::{self, Write},
+    sync::Arc,
+};
 
 use catch_body::InputError;
 use serde::{Deserialize, Serialize};
@@ -123,6 +126,45 @@ pub struct Identity {
     pub throws_are_fixed: Vec<bool>,
     /// The scenario of each cell, all choices made.
     pub cells: Vec<Scenario>,
+    /// Checksums of what the scenarios name, so that results of changed files do not mix.
+    pub checksums: Vec<Checksums>,
+}
+
+/// Checksums (CRC-32) of the contents of what a scenario names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Checksums {
+    /// Checksum of the files of arm, gripper and workcell.
+    pub robot_gripper_workcell: u32,
+    /// Checksum of the cameras.
+    pub flight_rig: u32,
+    /// Checksum of the object, and of what is known of it.
+    pub object: u32,
+    /// Checksum of the throw.
+    pub throw: u32,
+}
+
+impl Checksums {
+    fn of(setup: &Setup) -> Self {
+        Self {
+            robot_gripper_workcell: checksum(&setup.sources),
+            flight_rig: checksum(&setup.cameras),
+            object: checksum(&(&setup.object, &setup.known_object)),
+            throw: checksum(&setup.throw),
+        }
+    }
+}
+
+fn checksum(content: &dyn fmt::Debug) -> u32 {
+    struct Sink(crc32fast::Hasher);
+    impl fmt::Write for Sink {
+        fn write_str(&mut self, text: &str) -> fmt::Result {
+            self.0.update(text.as_bytes());
+            Ok(())
+        }
+    }
+    let mut sink = Sink(crc32fast::Hasher::new());
+    let _ = write!(sink, "{content:?}");
+    sink.0.finalize()
 }
 
 impl Identity {
@@ -153,6 +195,7 @@ impl Evaluation {
             first: self.first,
             cells: self.cells.iter().map(|cell| cell.setup.scenario.clone()).collect(),
             throws_are_fixed: self.cells.iter().map(|cell| cell.throw_is_fixed).collect(),
+            checksums: self.cells.iter().map(|cell| Checksums::of(&cell.setup)).collect(),
         }
     }
 

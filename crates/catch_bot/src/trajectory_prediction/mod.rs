@@ -251,9 +251,11 @@ impl InformationFit {
         let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= MIN_INLIER_FRACTION * window.len() as f64;
         let known = previous.and_then(|it| fit::fit(fitted, it, symmetry, config, fitting).ok());
         let known = known.filter(|(_, agreeing)| enough(*agreeing)).map(|(flight, _)| flight);
+        // Sampling looks at the newest poses alone, so it does not know better than a fit to more.
+        let rests_on_more = fitted.len() >= config.considered.window;
         if let Some(known) = &known
             && known.error_scale <= MAX_ERROR_SCALE
-            && known.inliers as f64 >= GOOD_INLIER_FRACTION * known.considered as f64
+            && (rests_on_more || known.inliers as f64 >= GOOD_INLIER_FRACTION * known.considered as f64)
         {
             return Ok(known.clone());
         }
@@ -311,7 +313,7 @@ const MOST_DRAG_PER_M: f64 = 1.0;
 const MUCH_BETTER: f64 = 0.8;
 /// A flight that fewer than this fraction of the newest poses agree with is given up, and searched for anew.
 pub const MIN_INLIER_FRACTION: f64 = 0.25;
-/// A fit whose poses err by more than so many times what they say, or that fewer than this fraction of them
-/// agree with, is searched for anew as well, and the better one is taken.
+/// A fit whose poses err by more than so many times what they say, or an early one that fewer than this
+/// fraction of them agree with, is searched for anew as well, and the better one is taken.
 const MAX_ERROR_SCALE: f64 = 2.0;
 const GOOD_INLIER_FRACTION: f64 = 0.7;

@@ -5,8 +5,6 @@
 //! is two poses: the shortest turn between them gives ω, the free rotation from there the orientation at all
 //! other poses. The best sample has the least sum of truncated squares (MSAC; Torr and Zisserman, 2000).
 
-use std::ops::Range;
-
 use nalgebra::UnitQuaternion;
 
 use super::{Config, FlightTrajectory, tumbling::Tumbling};
@@ -16,7 +14,7 @@ use crate::perception::{ObjectPose, Symmetry};
 /// that was made.
 const LONGEST_S: f64 = 0.06;
 /// Most samples.
-const MOST_SAMPLES: usize = 60;
+const MOST_SAMPLES: usize = 30;
 /// An orientation agrees within three standard deviations, at least and at most so many radians.
 const AGREES_RAD: [f64; 2] = [0.25, 0.8];
 
@@ -49,39 +47,36 @@ pub(super) fn agree_on_rotation(
             continue;
         }
         let w_WO = symmetry.turn_between(&from.R_WO, &to.R_WO) / elapsed_s;
-        let start = Tumbling::new(from.R_WO, &w_WO, flight.inertia_per_kg.as_ref());
-        let start = start.decaying(flight.spin_decay_per_s);
         // A fast spin is less likely: three standard deviations are worth as much as a pose.
         let prior = (w_WO / (3.0 * config.spin_prior_sd_radps)).norm_squared();
+        let start = Tumbling::new(from.R_WO, &w_WO, flight.inertia_per_kg.as_ref());
+        let start = start.decaying(flight.spin_decay_per_s);
+        let from = (prior, start, from.time_s);
         let (earlier, later) = (&orientations[..first], &orientations[first + 1..]);
-        let found = followed(&start, from.time_s, earlier.iter().rev(), symmetry, prior..least)
-            .and_then(|(cost, _)| followed(&start, from.time_s, later.iter(), symmetry, cost..least));
-        if let Some((cost, newest)) = found {
+        let found = followed(from, earlier.iter().rev(), symmetry, least)
+            .and_then(|(cost, ..)| followed((cost, from.1, from.2), later.iter(), symmetry, least));
+        if let Some((cost, last, last_s)) = found {
             least = cost;
-            let newest_s = orientations[orientations.len() - 1].time_s;
-            let at_flight = newest.after(flight.time_s - newest_s, false);
+            let at_flight = last.after(flight.time_s - last_s, false);
             (flight.R_WO, flight.w_WO) = (at_flight.R_WO, at_flight.w_WO());
         }
     }
 }
 
-/// Follows a rotation from a time on through `orientations`. Returns the cost, which begins at the start of
-/// `costs`, and the last state; `None` once the cost reaches their end.
+/// Follows a rotation through `orientations`, from a cost, a state and its time to those at the last of them;
+/// `None` once it costs the `least`.
 fn followed<'a>(
-    start: &Tumbling,
-    start_s: f64,
+    from: (f64, Tumbling, f64),
     mut orientations: impl Iterator<Item = &'a Orientation>,
     symmetry: &Symmetry,
-    costs: Range<f64>,
-) -> Option<(f64, Tumbling)> {
-    let follow = |(cost, at, time_s): (f64, Tumbling, f64), seen: &Orientation| {
+    least: f64,
+) -> Option<(f64, Tumbling, f64)> {
+    orientations.try_fold(from, |(cost, at, time_s), seen| {
         let at = at.after(seen.time_s - time_s, false);
         let square = symmetry.turn_between(&at.R_WO, &seen.R_WO).norm_squared() / seen.reach_square;
         let cost = cost + square.min(1.0);
-        (cost < costs.end).then_some((cost, at, seen.time_s))
-    };
-    let (cost, at, _) = orientations.try_fold((costs.start, *start, start_s), follow)?;
-    Some((cost, at))
+        (cost < least).then_some((cost, at, seen.time_s))
+    })
 }
 
 impl Orientation {

@@ -44,6 +44,21 @@ fn readme_runs() {
     run_page(&root().join("README.md"));
 }
 
+/// What README calls a miss is one.
+#[test]
+fn a_brain_that_ignores_the_latency_of_its_gripper_misses() {
+    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+    let line = readme.lines().find(|line| line.contains("gripper_latency_s=0")).unwrap();
+    let (line, _) = line.split_once('#').unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_catchingbot"))
+        .args(line.split_whitespace().skip(1))
+        .args(["--out", folder.path().to_str().unwrap()])
+        .output()
+        .unwrap();
+    assert!(crate::stdout(&output).contains("Not caught"), "{output:?}");
+}
+
 #[test]
 fn tutorial_runs() {
     run_pages("docs/tutorial");

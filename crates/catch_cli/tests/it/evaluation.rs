@@ -178,6 +178,27 @@ assert parquet[5]["index"] == 2 and type(parquet[0]["caught"]).__name__ in ("boo
     assert!(output.status.success(), "{}", stderr(&output));
 }
 
+/// A file keeps its name when somebody edits it.
+#[test]
+fn results_of_an_edited_file_are_of_another_evaluation() {
+    let folder = tempfile::tempdir().unwrap();
+    let in_folder = |arguments: &[&str]| {
+        let program =
+            Command::new(env!("CARGO_BIN_EXE_catchingbot")).current_dir(folder.path()).args(arguments).output();
+        program.unwrap()
+    };
+    assert!(in_folder(&["new", "object", "can"]).status.success());
+    let eval = |trials| in_folder(&["eval", "--object", "can", "--out", "results", "--resume", "--trials", trials]);
+    assert!(eval("1").status.success() && eval("2").status.success());
+    let file = folder.path().join("can/truth.toml");
+    fs::write(&file, fs::read_to_string(&file).unwrap() + "\n# A comment changes nothing.\n").unwrap();
+    assert!(eval("3").status.success());
+    fs::write(&file, fs::read_to_string(&file).unwrap().replace("mass_kg = 0.", "mass_kg = 1.")).unwrap();
+    let output = eval("4");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("checksums[0].object: found"), "{}", stderr(&output));
+}
+
 #[test]
 fn results_are_not_lost_by_mistake() {
     let folder = tempfile::tempdir().unwrap();

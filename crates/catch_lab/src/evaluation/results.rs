@@ -242,7 +242,7 @@ fn compare(file: &str, found: &Identity, identity: &Identity) -> Result<(), Inpu
         return Ok(());
     }
     let [theirs, ours] = [found, identity].map(|it| serde_json::to_value(it).unwrap_or_default());
-    let fields = ["version", "seed", "first", "cells", "throws_are_fixed"];
+    let fields = ["version", "seed", "first", "cells", "throws_are_fixed", "checksums"];
     let differing = fields.iter().find_map(|field| first_differing_value(field, &theirs[*field], &ours[*field]));
     let (field, found, asked) = differing.unwrap_or_default();
     let told = |value: Value| match value {
