@@ -1,9 +1,10 @@
 //! The rotation that most poses agree with, among those of a free rigid body through two neighbouring poses.
 //!
 //! Early poses are often turned the wrong way: a banana seen by one camera fits its silhouette in several
-//! orientations. Some of them agree with each other on how the object rotates, and the others do not. A sample
-//! is two poses: the shortest turn between them gives ω, the free rotation from there the orientation at all
-//! other poses. The best sample has the least sum of truncated squares (MSAC; Torr and Zisserman, 2000).
+//! orientations. Some of them agree with each other on how the object rotates, and the others do not. A
+//! sample is two poses: the shortest turn between them gives ω, the free rotation from there the orientation
+//! at all other poses. The best sample has the least sum of truncated squares (MSAC; Torr and Zisserman,
+//! 2000).
 
 use nalgebra::UnitQuaternion;
 

@@ -156,8 +156,8 @@ fn claimed_uncertainty_holds() {
     }
 }
 
-/// The axis of a bottle whose ends are confused in four of ten images is found nevertheless; less often if each
-/// image is believed.
+/// The axis of a bottle whose ends are confused in four of ten images is found nevertheless; less often if
+/// each image is believed.
 #[test]
 fn confused_ends_leave_the_axis() {
     let (axis, config) = (Vector3::z_axis(), Config::default());
