@@ -82,7 +82,8 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     let CatchArguments { thrown: thrown @ ThrowArguments { seed, index, .. }, output, open, watch, files } = arguments;
     let setup = thrown.setup()?;
     let scene = setup.scene(*seed, *index);
-    // A folder that cannot be written to is reported before anything is thrown.
+    // What cannot be written is reported before anything is thrown.
+    files.check()?;
     make_writable(&output.out, "--out")?;
 
     let watch = Watch::start(*watch, &format!("Scenario {}", scene.scenario), Some(1))?;

@@ -58,16 +58,16 @@ pub struct EvalArguments {
     #[arg(long, value_name = "NAME|FILE")]
     pub(super) throw: Vec<String>,
     /// Seed of everything random
-    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
     pub(super) seed: u64,
     /// Throws per object and throw
-    #[arg(long, value_name = "N", default_value_t = 57, allow_negative_numbers = true, value_parser = whole(1, 10_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 57, value_parser = whole(1, 10_000_000))]
     pub(super) trials: u64,
     /// Number of the first throw, to share an evaluation between machines
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0, MOST))]
     pub(super) first: u64,
     /// Trials that run at the same time [default: the number of cores]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1, MOST_THREADS as u64))]
+    #[arg(long, value_name = "N", value_parser = whole(1, MOST_THREADS as u64))]
     pub(super) threads: Option<u64>,
     /// Folder for the results [default: out/eval]
     #[arg(long, value_name = "DIR")]

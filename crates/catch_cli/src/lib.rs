@@ -45,7 +45,7 @@ mod watch;
 use std::{io, path::PathBuf, process::ExitCode, sync::LazyLock};
 
 use catch_body::InputError;
-use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
 use catch_lab::{
     VERSION,
@@ -235,10 +235,10 @@ pub struct ThrowArguments {
     #[arg(long, value_name = "NAME|FILE")]
     throw: Option<String>,
     /// Seed of everything random
-    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
     seed: u64,
     /// Number of the throw, for throws that differ
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0, MOST))]
     index: u64,
 }
 
@@ -264,13 +264,19 @@ pub struct OutputArguments {
 
 /// The command line as data: its arguments with their help, for completions and documentation.
 pub fn command() -> clap::Command {
-    Arguments::command()
+    with_negative_numbers(Arguments::command())
+}
+
+/// Numbers below zero are values, so that their own message tells what would be right.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let as_values = |it: clap::Arg| if it.get_action().takes_values() { it.allow_negative_numbers(true) } else { it };
+    command.mut_args(as_values).mut_subcommands(with_negative_numbers)
 }
 
 /// Reads the program's arguments, does what they ask for, and says on standard error what went wrong.
 pub fn main() -> ExitCode {
     let wants_json = std::env::args_os().any(|argument| argument == "--json");
-    let arguments = match Arguments::try_parse() {
+    let arguments = match command().try_get_matches().and_then(|it| Arguments::from_arg_matches(&it)) {
         Ok(arguments) => arguments,
         Err(fault) if wants_json && fault.use_stderr() => return Failure::of_arguments(&fault).tell(true),
         Err(fault) => fault.exit(),

@@ -54,7 +54,7 @@ fn list(json: bool) -> anyhow::Result<()> {
         screen::line(&format!("{STRONG}{}{STRONG:#}", kind.plural()))?;
         for name in kind.names() {
             let about = summary(&Asset::built_in(kind, name)?.text);
-            screen::line(&format!("  {name:<18}{FAINT}{about}{FAINT:#}"))?;
+            screen::line(&format!("  {name:<20}{FAINT}{about}{FAINT:#}"))?;
         }
         screen::line("")?;
     }

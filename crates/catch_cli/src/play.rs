@@ -35,13 +35,13 @@ pub struct PlayArguments {
     #[arg(long, value_name = "NAME|FILE")]
     throw: Option<String>,
     /// Number of throws
-    #[arg(long, value_name = "N", default_value_t = 50, allow_negative_numbers = true, value_parser = whole(1, 1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = whole(1, 1_000_000))]
     trials: u64,
     /// Least interval between two throws in seconds; the thrower waits until the arm is ready
-    #[arg(long, value_name = "SECONDS", default_value_t = 4.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 4.0)]
     every: f64,
     /// Seed of everything random
-    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
     seed: u64,
     /// Throw each one alone as well, as `eval` does, and tell both rates
     #[arg(long)]

@@ -45,19 +45,19 @@ pub struct PredictArguments {
     #[arg(long, value_enum, default_value_t = Up::Z, allow_hyphen_values = true)]
     up: Up,
     /// Use only what was seen until then, in the track's time
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S")]
     until: Option<f64>,
     /// Also predict for this time; may be given more than once
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S")]
     at: Vec<f64>,
     /// Prior on the object's flights, a file that `learn` wrote
     #[arg(long, value_name = "FILE", conflicts_with_all = ["drag", "drag_sd"])]
     object: Option<PathBuf>,
     /// Isotropic drag: constant k of a = -k·|v|·v that is expected, in 1/m [default: 0.05 with --drag-sd]
-    #[arg(long, value_name = "K", allow_negative_numbers = true)]
+    #[arg(long, value_name = "K")]
     drag: Option<f64>,
     /// Standard deviation of the constant k, in 1/m; 0: exactly known [default: 0.1]
-    #[arg(long, value_name = "SD", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SD")]
     drag_sd: Option<f64>,
     /// Print one JSON document
     #[arg(long)]

@@ -31,13 +31,13 @@ pub struct ReadyArguments {
     #[arg(long = "throw", value_name = "NAME|FILE")]
     throws: Vec<String>,
     /// Throws of each object and kind that the pose is chosen for
-    #[arg(long, value_name = "N", default_value_t = 4, allow_negative_numbers = true, value_parser = whole(1, 10_000))]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = whole(1, 10_000))]
     trials: u64,
     /// Poses that are tried
-    #[arg(long, value_name = "N", default_value_t = 200, allow_negative_numbers = true, value_parser = whole(1, 10_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = whole(1, 10_000_000))]
     tries: u64,
     /// Seed of the throws and of the poses
-    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
     seed: u64,
     /// Print one JSON document instead of the story
     #[arg(long)]

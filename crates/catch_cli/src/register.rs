@@ -35,7 +35,7 @@ pub struct RegisterArguments {
     #[arg(long, value_name = "NAME|FILE")]
     reference: PathBuf,
     /// Standard deviation of the cloud's points; without it any residual counts as noise
-    #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "M", default_value_t = 0.0)]
     noise: f64,
     /// Print one JSON document
     #[arg(long)]

@@ -70,6 +70,18 @@ impl FileArguments {
         self.gif || self.mcap.is_some()
     }
 
+    /// Refuses what this program cannot write.
+    ///
+    /// # Errors
+    /// A picture without the feature `gif`.
+    pub fn check(&self) -> Result<(), InputError> {
+        if cfg!(feature = "gif") || !self.gif {
+            return Ok(());
+        }
+        let (found, expected) = ("a program without its GIF maker", "one that was built with `--features gif`");
+        Err(InputError::new(COMMAND_LINE, "--gif", found, expected))
+    }
+
     /// Writes what was asked for beside a file, which need not exist; returns the files by their kinds.
     ///
     /// # Errors
@@ -82,8 +94,9 @@ impl FileArguments {
             written.insert(kind, path);
             anyhow::Ok(())
         };
+        #[cfg(feature = "gif")]
         if self.gif {
-            write("picture", "gif", &gif(playback)?)?;
+            write("picture", "gif", &catch_view::export::gif_picture::gif(playback)?)?;
         }
         if let Some(images) = self.mcap {
             let images = if images == ImagesArgument::All { Images::All } else { Images::Some };
@@ -102,22 +115,12 @@ impl FileArguments {
     }
 }
 
-#[cfg(feature = "gif")]
-fn gif(playback: &Playback) -> anyhow::Result<Vec<u8>> {
-    Ok(catch_view::export::gif_picture::gif(playback)?)
-}
-
-#[cfg(not(feature = "gif"))]
-fn gif(_: &Playback) -> anyhow::Result<Vec<u8>> {
-    let (found, expected) = ("a program without its GIF maker", "one that was built with `--features gif`");
-    Err(InputError::new(COMMAND_LINE, "--gif", found, expected).into())
-}
-
 /// Writes the page of a recording, and other files if asked for, beside it and opens the page.
 ///
 /// # Errors
 /// A file that is neither a complete recording nor a page; a page that cannot be written.
 pub fn run(arguments: &ViewArguments) -> anyhow::Result<()> {
+    arguments.files.check()?;
     let page = match &arguments.file[..] {
         [a, b] if results::is_in(a) && results::is_in(b) => {
             let folder = arguments.out.as_deref().unwrap_or(Path::new(compare::FOLDER));
