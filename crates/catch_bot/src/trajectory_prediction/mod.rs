@@ -251,11 +251,11 @@ impl InformationFit {
         let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= MIN_INLIER_FRACTION * window.len() as f64;
         let known = previous.and_then(|it| fit::fit(fitted, it, symmetry, config, fitting).ok());
         let known = known.filter(|(_, agreeing)| enough(*agreeing)).map(|(flight, _)| flight);
-        // Sampling looks at the newest poses alone, so it does not know better than a fit to more.
-        let rests_on_more = fitted.len() >= config.considered.window;
+        // Sampling looks at the newest poses alone: it does not know better than a fit to all of them.
+        let rests_on_all = fitted.len() >= config.considered.window;
         if let Some(known) = &known
             && known.error_scale <= MAX_ERROR_SCALE
-            && (rests_on_more || known.inliers as f64 >= GOOD_INLIER_FRACTION * known.considered as f64)
+            && (rests_on_all || known.inliers as f64 >= GOOD_INLIER_FRACTION * known.considered as f64)
         {
             return Ok(known.clone());
         }
