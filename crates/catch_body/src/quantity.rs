@@ -347,6 +347,8 @@ quantities! {
     decay_per_s DECAY_PER_S = 0.0 to 100.0 "1/s";
     /// Poses of the arm in a calibration.
     poses POSES = 3.0 to 100.0 "";
+    /// Images of a camera before anything flies.
+    background_images BACKGROUND_IMAGES = 0.0 to 100.0 "";
     /// Flights that refine a calibration.
     flights FLIGHTS = 0.0 to 200.0 "";
     /// Fractions.

@@ -181,7 +181,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let score = is_calibrated.then(|| camera_placement::score_of(setup, &setup.used_cameras(arguments.seed)));
     let score = score.transpose()?;
     if let Some(score) = score.as_ref().filter(|_| is_told) {
-        screen::fact("cameras", &score.summary(setup.scenario.brain.grasp_selection.finger_margin_m))?;
+        screen::fact("cameras", &score.summary(setup))?;
     }
     let rig = score.map(|it| RigDocument::of(&setup.scenario.flight_rig, &it));
     let threads = arguments.threads.map_or_else(parallel::threads, |it| it as usize);

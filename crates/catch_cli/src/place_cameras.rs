@@ -9,7 +9,7 @@ use std::{
 use catch_body::{InputError, Pose};
 use catch_cell::{CameraModel, rig_to_toml};
 use catch_lab::{
-    camera_placement::{Config, PlacementStudy, Score, quantile_m},
+    camera_placement::{Config, PlacementStudy, Score},
     scenario::setup::Setup,
 };
 use catch_recording::whole_file::{COMMAND_LINE, check_new, write_new};
@@ -136,10 +136,10 @@ impl RigDocument {
             rig: rig.to_owned(),
             cameras: score.shown.len(),
             score: score.clone(),
-            decision_sd_median_m: quantile_m(&score.decision_sd_m, 0.5),
-            decision_sd_90_m: quantile_m(&score.decision_sd_m, 0.9),
-            closing_sd_median_m: quantile_m(&score.closing_sd_m, 0.5),
-            closing_sd_90_m: quantile_m(&score.closing_sd_m, 0.9),
+            decision_sd_median_m: score.quantile_m(|it| it.decision_sd_m, 0.5),
+            decision_sd_90_m: score.quantile_m(|it| it.decision_sd_m, 0.9),
+            closing_sd_median_m: score.quantile_m(|it| it.closing_sd_m, 0.5),
+            closing_sd_90_m: score.quantile_m(|it| it.closing_sd_m, 0.9),
         }
     }
 }
@@ -231,8 +231,9 @@ fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
         "90 %",
         "at the\nclosing",
         "90 %",
+        "caught as\nforetold, %",
     ];
-    let mut table = screen::table(headings, 1..8);
+    let mut table = screen::table(headings, 1..9);
     for it in &document.rigs {
         table.add_row([
             it.rig.clone(),
@@ -243,6 +244,7 @@ fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
             format!("{:.2}", it.decision_sd_90_m * 1e3),
             format!("{:.2}", it.closing_sd_median_m * 1e3),
             format!("{:.2}", it.closing_sd_90_m * 1e3),
+            it.score.foretold.map_or("–".to_owned(), |it| format!("{:.0}", it * 100.0)),
         ]);
     }
     screen::line(&table.trim_fmt())?;

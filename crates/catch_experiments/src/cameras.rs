@@ -1,6 +1,9 @@
-//! Catch rates with rigs of a few near cameras, and how soon such a camera is noticed that was pushed.
+//! Catch rates with rigs of a few near cameras, placed well or anywhere, in a room with people, and how soon
+//! such a camera is noticed that was pushed.
 
+mod anywhere;
 mod pushed;
+mod room;
 
 use anyhow::Result;
 use catch_lab::{
@@ -44,7 +47,7 @@ pub fn setup(rig: &str, object: &str, settings: &[&str]) -> Result<Setup> {
 }
 
 /// Every rig with every object.
-pub fn run(options: &Options) -> Result<Findings> {
+fn placed(options: &Options) -> Result<Table> {
     let columns: Vec<&str> = ["rig", "object"].into_iter().chain(rates::FIGURES).collect();
     let mut table = Table::new("Caught with near cameras", &columns).across("object");
     for rig in rigs() {
@@ -53,9 +56,12 @@ pub fn run(options: &Options) -> Result<Findings> {
             table.rows.push([vec![Entry::text(&rig), Entry::text(object)], figures].concat());
         }
     }
-    let pushed = pushed::tables(options)?;
-    Ok(Findings {
-        legend: [LEGEND, rates::DEFINED, rates::MISSES, pushed::LEGEND].concat(),
-        tables: [vec![table], pushed].concat(),
-    })
+    Ok(table)
+}
+
+/// Rigs that were placed, others, a room, and cameras that were pushed.
+pub fn run(options: &Options) -> Result<Findings> {
+    let tables = [vec![placed(options)?], anywhere::tables(options)?, room::tables(options)?, pushed::tables(options)?];
+    let legends = [rates::DEFINED, rates::MISSES, anywhere::LEGEND, room::LEGEND, pushed::LEGEND];
+    Ok(Findings { legend: LEGEND.to_owned() + &legends.concat(), tables: tables.concat() })
 }

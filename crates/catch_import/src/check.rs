@@ -9,7 +9,7 @@ use catch_body::{
     workcell::Workcell,
 };
 
-use catch_cell::DataSheet;
+use catch_cell::{CameraModel, DataSheet};
 use nalgebra::Vector3;
 
 use super::{
@@ -22,7 +22,7 @@ use catch_lab::{
     assets::{Asset, KNOWN_FILE, Kind},
     camera_placement,
     scenario::{
-        Scenario,
+        Scenario, flight_rig,
         setup::{Choice, Setup},
     },
 };
@@ -105,7 +105,7 @@ pub fn check(path: &Path) -> Checked {
             let margins = gripper_of(&asset).map(|it| gripper_check::notes(&it));
             notes_of_name(&asset, &table).into_iter().chain(margins.unwrap_or_default()).collect()
         }
-        Some(Kind::Rig) if faults.is_empty() => note_of_rig(&asset).into_iter().collect(),
+        Some(Kind::Rig) if faults.is_empty() => notes_of_rig(&asset).unwrap_or_default(),
         _ => Vec::new(),
     };
     Checked { kind, faults, notes }
@@ -194,13 +194,19 @@ const RIG_SCENARIO: &str = "lab";
 /// More cameras than these know a flight by silhouettes of few pixels, which the score leaves out.
 const FEW_CAMERAS: usize = 8;
 
-/// A note on what the cameras of a rig know of throws.
-fn note_of_rig(asset: &Asset) -> Option<String> {
+/// Notes on what the cameras of a rig know of throws, and how many of them are caught.
+fn notes_of_rig(asset: &Asset) -> Option<Vec<String>> {
     let cameras = catch_cell::rig_from_toml(&asset.file, &asset.text).ok().filter(|it| it.len() <= FEW_CAMERAS)?;
-    let setup = Setup::load(&Choice { scenario: Some(RIG_SCENARIO), ..Choice::default() }).ok()?;
-    let score = camera_placement::score_of(&setup, &cameras).ok()?;
-    let summary = score.summary(setup.scenario.brain.grasp_selection.finger_margin_m);
-    Some(format!("throws of `{RIG_SCENARIO}`: {summary}"))
+    let mut notes = Vec::new();
+    for object in ["tennis_ball", "banana"] {
+        let choice = Choice { scenario: Some(RIG_SCENARIO), object: Some(object), ..Choice::default() };
+        let mut setup = Setup::load(&choice).ok()?;
+        let sheet = setup.cameras.first()?.sheet.clone();
+        setup.cameras = cameras.iter().map(|it| CameraModel { sheet: sheet.clone(), ..it.clone() }).collect();
+        let score = camera_placement::score_of(&setup, &setup.cameras).ok()?;
+        notes.push(format!("throws of `{RIG_SCENARIO}`, {object}: {}", score.summary(&setup)));
+    }
+    Some(notes)
 }
 
 /// Notes on the shape with which an object collides; none for an object that cannot be read.
@@ -245,7 +251,7 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
         Kind::Camera => DataSheet::from_toml(file, text).map(drop),
         Kind::Throw => asset.throw().map(drop),
         Kind::Workcell => Workcell::from_toml(file, text).map(drop),
-        Kind::Rig => catch_cell::rig_from_toml(file, text).map(drop),
+        Kind::Rig => flight_rig::read(file, text).map(drop),
     };
     result.err().into_iter().flat_map(InputError::all).collect()
 }

@@ -13,8 +13,15 @@
 //! greedy and then exchanges cameras as long as that helps (Fedorov, Theory of optimal experiments, 1972).
 
 mod arm_view;
+pub mod foretold;
 
-use catch_body::{InputError, Pose, dynamics, pose::look_at, quantity, ray_cast::ArmSurface};
+use catch_body::{
+    InputError, Pose, dynamics,
+    pose::look_at,
+    quantity,
+    ray_cast::ArmSurface,
+    statistics::{quantile, sorted},
+};
 use catch_cell::{CameraModel, DataSheet};
 use nalgebra::{Matrix3, Matrix6, Point3, Vector3};
 use serde::Serialize;
@@ -93,27 +100,36 @@ pub struct Score {
     pub shown: Vec<f64>,
     /// Fraction of the arm's joints that each camera shows, over random postures.
     pub arm_shown: Vec<f64>,
-    /// Expected standard deviation along each axis of the position at the catch that is predicted when it is
-    /// decided, in metres, of each throw in rising order.
+    /// Catch rate that is expected of the throws; none where nothing is known of arm and hand.
+    pub foretold: Option<f64>,
+    /// Accuracy of the prediction of each throw.
     #[serde(skip)]
-    pub decision_sd_m: Vec<f64>,
-    /// Expected standard deviation along each axis of the position at the catch that is predicted when the
-    /// fingers begin to close, in metres, of each throw in rising order.
-    #[serde(skip)]
-    pub closing_sd_m: Vec<f64>,
+    pub flights: Vec<FlightScore>,
 }
 
-/// The deviation that a fraction of the throws does not exceed; `rising` has that of each.
-pub fn quantile_m(rising: &[f64], fraction: f64) -> f64 {
-    let at = (fraction * rising.len().saturating_sub(1) as f64).round() as usize;
-    rising.get(at).copied().unwrap_or(f64::NAN)
+/// What a rig knows of one throw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlightScore {
+    /// Time before the decision in which two cameras or more show the object, in seconds.
+    pub shown_by_two_s: f64,
+    /// Expected standard deviation along each axis of the position at the catch that is predicted when it is
+    /// decided, in metres.
+    pub decision_sd_m: f64,
+    /// The same when the fingers begin to close.
+    pub closing_sd_m: f64,
 }
 
 impl Score {
-    /// A sentence on what the cameras know of the throws, and whether it is enough for this free space
-    /// between object and fingers on each side, in metres.
-    pub fn summary(&self, margin_m: f64) -> String {
-        let [middle_m, high_m] = [0.5, 0.9].map(|fraction| quantile_m(&self.decision_sd_m, fraction));
+    /// The deviation that a fraction of the throws does not exceed.
+    pub fn quantile_m(&self, sd_m: impl Fn(&FlightScore) -> f64, fraction: f64) -> f64 {
+        quantile(&sorted(self.flights.iter().map(sd_m)), fraction).unwrap_or(f64::NAN)
+    }
+
+    /// A sentence on what the cameras know of the throws of a setup, and whether it is enough for the free
+    /// space between object and fingers.
+    pub fn summary(&self, setup: &Setup) -> String {
+        let margin_m = setup.scenario.brain.grasp_selection.finger_margin_m;
+        let [middle_m, high_m] = [0.5, 0.9].map(|fraction| self.quantile_m(|it| it.decision_sd_m, fraction));
         let known = format!(
             "two cameras or more show the object for {:.0} % of its way to the catch; when the catch is decided, its place there is \
              known to {:.1} mm (90 % of the throws: {:.1} mm)",
@@ -121,12 +137,24 @@ impl Score {
             middle_m * 1e3,
             high_m * 1e3
         );
+        let rate = self.foretold.map(|it| format!("; {:.0} % are expected to be caught", it * 100.0));
+        let known = known + &rate.unwrap_or_default();
         if SURE_SD * high_m <= margin_m {
             return known;
         }
         let too_little = format!("too little for fingers that leave {:.0} mm on each side", margin_m * 1e3);
-        format!("{known}: {too_little}; `catchingbot place-cameras` finds better poses")
+        let placed = rate_of_placed(setup).filter(|it| Some(*it) > self.foretold);
+        let rate = placed.map_or("better poses".to_owned(), |it| format!("poses for {:.0} %", it * 100.0));
+        format!("{known}: {too_little}; `catchingbot place-cameras` finds {rate}")
     }
+}
+
+/// The rate that is expected with as many cameras where `catchingbot place-cameras` puts them; none where it
+/// finds no place, or no rate is known.
+fn rate_of_placed(setup: &Setup) -> Option<f64> {
+    let config = Config { cameras: setup.cameras.len(), ..Config::default() };
+    let study = PlacementStudy::new(setup, &config).ok()?;
+    study.score(&study.place(setup.cameras.first()?).ok()?.cameras).foretold
 }
 
 /// What some cameras know of the throws of a setup.
@@ -233,19 +261,27 @@ impl<'a> PlacementStudy<'a> {
         let deviations = |ahead_s: f64| {
             let told = cameras.iter().zip(&sights);
             let told: Vec<_> = told.map(|(camera, sight)| self.information(camera, sight, ahead_s)).collect();
-            let of_throw = |throw: usize| deviation_m(&told.iter().map(|it| it[throw]).sum());
-            let mut sd_m: Vec<f64> = (0..self.flights.len()).map(of_throw).collect();
-            sd_m.sort_by(f64::total_cmp);
-            sd_m
+            move |throw: usize| deviation_m(&told.iter().map(|it| it[throw]).sum())
+        };
+        let (decision_m, closing_m) = (deviations(self.config.decision_s), deviations(self.config.closing_s));
+        let of_throw = |(throw, flight): (usize, &SampledFlight)| {
+            let until = ((flight.catch_s - self.config.decision_s) / TICK_S) as usize;
+            let is_seen = |tick: &usize| sights.iter().filter(|it| it[throw][*tick]).count() >= 2;
+            FlightScore {
+                shown_by_two_s: (0..until).filter(is_seen).count() as f64 * TICK_S,
+                decision_sd_m: decision_m(throw),
+                closing_sd_m: closing_m(throw),
+            }
         };
         let shown = |sight: &Vec<Vec<bool>>| fraction(sight.iter().flatten().filter(|shown| **shown).count());
+        let flights: Vec<FlightScore> = self.flights.iter().enumerate().map(of_throw).collect();
         Score {
             shown_by_one: fraction(by_one),
             shown_by_two: fraction(by_two),
             shown: sights.iter().map(shown).collect(),
             arm_shown: cameras.iter().map(|camera| arm_view::shown(camera, &self.joints)).collect(),
-            decision_sd_m: deviations(self.config.decision_s),
-            closing_sd_m: deviations(self.config.closing_s),
+            foretold: foretold::rate(self.setup, self.config, &flights),
+            flights,
         }
     }
 
@@ -485,8 +521,9 @@ mod tests {
         let kind = &setup.cameras[0];
         let study = PlacementStudy::new(&setup, &one).unwrap();
         let best = study.place(kind).unwrap();
-        let mean =
-            |it: &Score| it.decision_sd_m.iter().chain(&it.closing_sd_m).map(|sd_m| libm::log(*sd_m)).sum::<f64>();
+        let mean = |it: &Score| {
+            it.flights.iter().map(|it| libm::log(it.decision_sd_m) + libm::log(it.closing_sd_m)).sum::<f64>()
+        };
         let placed = study.score(&best.cameras);
         assert!(best.candidates > 50 && placed.shown.len() == 1 && placed.shown_by_one == placed.shown[0]);
         for other in study.candidates(kind).iter().step_by(17) {
@@ -494,8 +531,9 @@ mod tests {
         }
         let pair = PlacementStudy::new(&setup, &two).unwrap();
         let of_pair = pair.score(&pair.place(kind).unwrap().cameras);
-        assert!(quantile_m(&of_pair.closing_sd_m, 0.5) < quantile_m(&placed.closing_sd_m, 0.5));
-        assert!(of_pair.decision_sd_m.is_sorted() && of_pair.shown_by_two <= of_pair.shown_by_one);
+        let closing_m = |it: &Score| it.quantile_m(|it| it.closing_sd_m, 0.5);
+        assert!(closing_m(&of_pair) < closing_m(&placed));
+        assert!(of_pair.shown_by_two <= of_pair.shown_by_one);
         assert_eq!(study.place(kind).unwrap(), best, "always the same");
     }
 

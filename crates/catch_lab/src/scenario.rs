@@ -55,6 +55,10 @@ pub struct Scenario {
     /// Surroundings of the arm, a built-in workcell or a file; nothing but the floor if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub workcell: Option<String>,
+    /// What stands around that the cameras see, and nobody has told the brain: a workcell's file. Nothing if
+    /// left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub room: Option<String>,
     /// Object that is thrown by default.
     pub object: String,
     /// Throw that is used by default.
@@ -248,7 +252,8 @@ impl Scenario {
 
     /// The files that it names: what kind, in which field, by which name.
     pub fn parts(&self) -> Vec<(Kind, &'static str, &str)> {
-        let workcell = self.workcell.iter().map(|it| (Kind::Workcell, "workcell", it.as_str()));
+        let workcells = [("workcell", &self.workcell), ("room", &self.room)].into_iter();
+        let workcells = workcells.filter_map(|(field, name)| Some((Kind::Workcell, field, name.as_deref()?)));
         let parts: [(Kind, &'static str, &str); 7] = [
             (Kind::Robot, "robot", &self.robot),
             (Kind::Gripper, "gripper", &self.gripper),
@@ -258,7 +263,7 @@ impl Scenario {
             (Kind::Rig, "flight_rig", &self.flight_rig),
             (Kind::Rig, "reference_rig", &self.reference_rig),
         ];
-        parts.into_iter().chain(workcell).collect()
+        parts.into_iter().chain(workcells).collect()
     }
 }
 

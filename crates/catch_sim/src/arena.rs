@@ -15,6 +15,7 @@ use crate::{
     free_flight,
     gripper_drive::{DRIVE_MASS_KG, GripperDrive},
     link_surfaces,
+    person::Thrower,
     physics::{ContactForces, Loads, World, WorldSettings, WorldState},
     random_streams::{Draws, Stream},
     sensors::Sensors,
@@ -32,6 +33,8 @@ const SUBSTEPS: usize = 4;
 /// Within these distances from the gripper's origin, in all and along its z, the paper's sensor sees the
 /// object's, in metres (code).
 const SENSED_WITHIN_M: [f64; 2] = [0.25, 0.01];
+/// Height of an object that no camera sees, in metres.
+const NOWHERE_M: f64 = -1e3;
 /// Amplitude and frequency of the disturbance with which the referee tests whether an object is held, in m/s²
 /// and Hz, along (1, 1, 1).
 const DISTURBANCE_MPS2: f64 = 5.0;
@@ -124,6 +127,7 @@ impl Arena {
             flight: FlightConditions::of(object, release, &arena.conditions),
             cell: arena.cell_conditions(),
         });
+        arena.see_thrower(release);
         arena.record(JointVector::zeros(), &ContactForces::default());
         arena
     }
@@ -177,6 +181,7 @@ impl Arena {
         self.equipment = equipment.clone();
         self.renderer = self.renderer.clone().with_object_of(&equipment.shared.renderer);
         self.path = release.path.clone().map(|path| (path, self.time_s()));
+        self.see_thrower(release);
         self.state = self.world.state();
         (self.has_sensed, self.has_triggered) = (false, false);
         self.take_truth();
@@ -185,6 +190,13 @@ impl Arena {
             conditions.flight = FlightConditions::of(object, release, &self.conditions);
         }
         self.record(JointVector::zeros(), &ContactForces::default());
+    }
+
+    /// The cameras have looked so many times before the throw; the next observation has these images, too.
+    /// They show all but the object and who throws it.
+    pub fn show_before(&mut self, images: usize) {
+        let scene = Scene { X_WO: Pose::translation(0.0, 0.0, NOWHERE_M), ..self.scene() };
+        self.sensors.expose_before(&self.renderer, &scene, images);
     }
 
     /// The cell's clock.
@@ -327,9 +339,21 @@ impl Arena {
         if !self.sensors.are_due(now_s, at_observation) {
             return;
         }
+        self.sensors.expose(&self.renderer, &self.scene(), at_observation);
+    }
+
+    /// All that cameras may see now.
+    fn scene(&self) -> Scene {
         let WorldState { q, finger_m, X_WO, .. } = self.state;
-        let scene = Scene { capture_s: now_s, X_WL: self.link_poses(&q), width_m: finger_m[0] + finger_m[1], X_WO };
-        self.sensors.expose(&self.renderer, &scene, at_observation);
+        let (X_WL, width_m) = (self.link_poses(&q), finger_m[0] + finger_m[1]);
+        Scene { capture_s: self.time_s(), X_WL, width_m, X_WO }
+    }
+
+    /// Somebody throws now, where the images show who.
+    fn see_thrower(&mut self, release: &Release) {
+        let Shared { config, object, .. } = &*self.equipment.shared;
+        let thrower = config.thrower.then(|| Thrower::new(release, object.bounding_radius_m)).flatten();
+        self.sensors.cameras.thrower = thrower.map(|it| (it, self.time_s()));
     }
 
     /// Moves the object along the recorded flight until something touches it or the recording ends.

@@ -70,6 +70,9 @@ pub struct ArenaConfig {
     pub camera_faults: Vec<CameraFault>,
     /// A person who walks through the images. Nobody by default.
     pub person: Option<PersonConfig>,
+    /// True if the person who throws stands in the images: underarm, the hand behind the object. Off by
+    /// default.
+    pub thrower: bool,
     /// Observations per second, each with an image of every camera unless these run freely. Default 100 Hz
     /// (paper, IV).
     #[serde(deserialize_with = "quantity::rate_hz")]
@@ -233,6 +236,7 @@ impl Default for ArenaConfig {
             depth: DepthConfig::default(),
             camera_faults: Vec::new(),
             person: None,
+            thrower: false,
             frame_rate_hz: 100.0,
             free_running_cameras: false,
             latency_s: Drawn::default(),

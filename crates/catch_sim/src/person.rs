@@ -1,14 +1,16 @@
-//! A person who walks through the images: a body of capsules that no object touches and no brain is told of.
+//! People in the images, one who walks and one who throws: bodies of capsules that no object touches and no
+//! brain is told of.
 
 use std::f64::consts::TAU;
 
 use catch_body::{Pose, TriangleMesh, quantity, ray_cast::RayCaster, shape::Capsule};
-use nalgebra::{Point3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     drawn::Drawn,
     random_streams::{Draws, Stream},
+    throw::Release,
 };
 
 /// Distance that the person walks to each side of the point nearest to the arm before turning around, in
@@ -43,6 +45,62 @@ pub(crate) struct Person {
     walked_m: f64,
     speed_mps: f64,
     parts: Vec<Part>,
+}
+
+/// A person who has thrown the object underarm, and whose arm swings on. All else of the body stands still.
+#[derive(Debug, Clone)]
+pub(crate) struct Thrower {
+    /// The body's frame P below the neck; x is along the throw.
+    X_WP: Pose,
+    /// Axis in W about which the throwing arm swings.
+    axis: Unit<Vector3<f64>>,
+    /// Orientation of the arm's frame at the release.
+    R_WA: UnitQuaternion<f64>,
+    /// Angular speed at the release.
+    speed_radps: f64,
+    parts: Vec<Part>,
+}
+
+/// Part of the body that throws: the right arm.
+const THROWING: usize = 4;
+/// Length of an arm to its hand, in metres, and radius of the hand that was around the object.
+const ARM_M: f64 = 0.6;
+const HAND_M: f64 = 0.045;
+/// Angle by which the arm swings on, in radians.
+const SWINGS_ON_RAD: f64 = 0.8;
+
+impl Thrower {
+    /// The person who released an object of this radius; none where it was not thrown.
+    pub fn new(release: &Release, radius_m: f64) -> Option<Self> {
+        let along = Unit::try_new(release.v_WO, 0.1)?;
+        let facing = Unit::try_new(Vector3::new(along.x, along.y, 0.0), 1e-3)?;
+        // The arm hangs behind the object, at a right angle to its velocity.
+        let down = Unit::new_normalize(along.into_inner() * along.z - Vector3::z());
+        let hand_W = release.p_WO - along.into_inner() * (radius_m + HAND_M);
+        let shoulder_W = hand_W - down.into_inner() * ARM_M;
+        let R_WP = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), libm::atan2(facing.y, facing.x));
+        let parts = body();
+        let p_WP = shoulder_W.coords - R_WP * parts[THROWING].pivot;
+        Some(Self {
+            X_WP: Pose::from_parts(p_WP.into(), R_WP),
+            axis: Unit::new_normalize(down.cross(&along)),
+            R_WA: UnitQuaternion::rotation_between(&-Vector3::z(), &down).unwrap_or_default(),
+            speed_radps: release.v_WO.norm() / ARM_M,
+            parts,
+        })
+    }
+
+    /// Surfaces of the person with their poses X_WB so long after the release: before it none, for the
+    /// person is not there yet.
+    pub fn parts(&self, since_s: f64) -> impl Iterator<Item = (Pose, &RayCaster)> {
+        let swung_rad = -SWINGS_ON_RAD * libm::expm1(-self.speed_radps / SWINGS_ON_RAD * since_s);
+        let swing = UnitQuaternion::from_axis_angle(&self.axis, swung_rad) * self.R_WA;
+        let is_there = self.parts.iter().filter(move |_| since_s >= 0.0);
+        is_there.enumerate().map(move |(i, Part { surface, pivot, .. })| {
+            let X_WB = self.X_WP * Pose::from_parts((*pivot).into(), UnitQuaternion::identity());
+            (if i == THROWING { Pose::from_parts(X_WB.translation, swing) } else { X_WB }, surface)
+        })
+    }
 }
 
 /// A part of the body.
@@ -104,7 +162,7 @@ fn body() -> Vec<Part> {
     ];
     for side in [-1.0, 1.0] {
         parts.push(part([0.0, 0.1 * side, 0.9], 0.82, 0.08, side * SWING_RAD));
-        parts.push(part([0.0, 0.22 * side, 1.38], 0.6, 0.045, -side * SWING_RAD));
+        parts.push(part([0.0, 0.22 * side, 1.38], ARM_M, HAND_M, -side * SWING_RAD));
     }
     parts
 }
@@ -140,6 +198,33 @@ mod tests {
             assert!(steps.filter(|step| (step - 0.012).abs() > 1e-9).count() <= 6, "it turns around at once");
         }
         assert_ne!(person(0).X_WP, person(1).X_WP);
+    }
+
+    /// The hand is behind the object when that leaves it, as fast as it is, and then falls behind.
+    #[test]
+    fn a_thrower_s_hand_moves_with_the_object_and_lets_go() {
+        let release = Release {
+            p_WO: Point3::new(1.5, 2.0, 0.9),
+            v_WO: Vector3::new(-2.0, -2.5, 2.0),
+            q_WO: UnitQuaternion::identity(),
+            omega_WO: Vector3::zeros(),
+            path: None,
+        };
+        let thrower = Thrower::new(&release, 0.035).unwrap();
+        let hand_W = |since_s: f64| {
+            let (X_WB, _) = thrower.parts(since_s).nth(THROWING).unwrap();
+            X_WB * Point3::new(0.0, 0.0, -ARM_M)
+        };
+        let behind_m = |since_s: f64| (release.p_WO + release.v_WO * since_s - hand_W(since_s)).norm();
+        assert!((behind_m(0.0) - 0.08).abs() < 1e-9);
+        let speed = (hand_W(1e-6) - hand_W(0.0)) / 1e-6;
+        assert!((speed - release.v_WO).norm() < 1e-3, "{speed}");
+        assert!(behind_m(0.05) > 0.1 && behind_m(0.1) > 0.17);
+        // Upright, and before the throw nowhere.
+        let heights = thrower.parts(0.0).map(|(X_WB, _)| X_WB.translation.z);
+        assert!(heights.fold(0.0, f64::max) < release.p_WO.z + 1.1);
+        assert_eq!(thrower.parts(-0.01).count(), 0);
+        assert!(Thrower::new(&Release { v_WO: Vector3::zeros(), ..release }, 0.035).is_none());
     }
 
     #[test]

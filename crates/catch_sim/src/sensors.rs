@@ -111,6 +111,19 @@ impl Sensors {
         due.iter().for_each(|(camera, _)| self.clocks[*camera].exposures += 1);
     }
 
+    /// All cameras have looked at `scene` so many times before now; these images arrive at once.
+    pub fn expose_before(&mut self, renderer: &Renderer, scene: &Scene, images: usize) {
+        for before in (1..=images as u64).rev() {
+            for camera in 0..self.clocks.len() {
+                let capture_s = scene.capture_s - before as f64 * self.clocks[camera].period_s;
+                // No exposure after these has such a number.
+                let due = [(camera, u64::MAX - before)];
+                let frames = self.capture(renderer, &Scene { capture_s, ..*scene }, &due);
+                self.under_way.extend(frames.into_iter().map(|frame| (scene.capture_s, frame)));
+            }
+        }
+    }
+
     /// The images of cameras that are due, each with the number of its exposure.
     fn capture(&mut self, renderer: &Renderer, scene: &Scene, due: &[(usize, u64)]) -> Vec<DepthFrame> {
         let readout = match &self.windows {

@@ -13,7 +13,7 @@ use nalgebra::{Matrix2, Point2, UnitQuaternion, Vector2, Vector3};
 
 use super::{
     Config,
-    detection::is_within,
+    known_background::is_within,
     segmentation::{Background, Surroundings},
 };
 

@@ -15,7 +15,7 @@ use super::{
     Config,
     arm_edges::{ArmEdges, Sight},
     camera_offsets::{self, CameraOffset},
-    detection::is_within,
+    known_background::is_within,
     segmentation::Surroundings,
     silhouette_shift::{DISPLACED_M, SIGNIFICANT, Shift, ShiftHistory},
 };

@@ -1,21 +1,20 @@
 //! Position of an object that is not tracked yet: blobs of pixels in front of the known background, in
 //! several cameras that agree on one point.
 
-use catch_body::kinematics::LinkPoses;
 use catch_cell::{CameraModel, DepthFrame};
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
-use std::sync::Arc;
 
 use super::{
     Config, ReferenceModel,
-    segmentation::{BACKGROUND_MARGIN_M, Background, Surroundings, bleeding_px, threshold_m},
+    known_background::{KnownBackground, nearer_than_m},
+    segmentation::{BACKGROUND_MARGIN_M, Background},
     view::View,
 };
 
-/// Detection: its buffers, and what the cameras see while the arm waits.
+/// Detection: its buffers, and what the cameras see before anything flies.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Detector {
-    waiting: Option<Arc<Waiting>>,
+    pub background: KnownBackground,
     blobs: Vec<Blob>,
     /// Pixels of an image that could be the object.
     candidates: Vec<u32>,
@@ -24,19 +23,7 @@ pub(super) struct Detector {
     stack: Vec<u32>,
 }
 
-/// Background before anything flies: for each camera and pixel of its whole image the depth in front of which
-/// the pixel shows something else.
-#[derive(Debug)]
-struct Waiting {
-    /// The arm that waits, and the opening of its gripper.
-    X_WL: LinkPoses,
-    width_m: f64,
-    with_arm_m: Vec<Vec<f32>>,
-    /// Depths without the arm; empty where no other background is known.
-    without_arm_m: Vec<Vec<f32>>,
-}
-
-/// Pixels of one image that hang together.
+/// Pixels of one image that hang together, without a step in depth as high as half the object.
 #[derive(Debug, Clone, Copy)]
 struct Blob {
     camera: usize,
@@ -60,46 +47,14 @@ const WHOLE_FRACTION: f64 = 0.3;
 const MAX_BLOBS: usize = 96;
 /// A blob's box may be larger than the object's by this factor.
 const SLACK: f64 = 1.5;
-/// Arms whose links are nearer to where they wait than this, in metres and radians, are waiting: half of what
-/// [`BACKGROUND_MARGIN_M`] allows for.
-const WAITING: f64 = 5e-3;
 /// Pixels that are looked at together.
 const RUN: usize = 32;
 
-/// Returns whether each link is within this distance of its former pose, in metres and radians.
-pub(super) fn is_within(limit: f64, X_WA: &LinkPoses, X_WB: &LinkPoses) -> bool {
-    X_WA.iter().zip(X_WB).all(|(A, B)| {
-        (A.translation.vector - B.translation.vector).norm() < limit && A.rotation.angle_to(&B.rotation) < limit
-    })
-}
-
 impl Detector {
-    /// Prepares the background with an arm that will be waiting where `surroundings` say.
-    pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
-        let limits_m = |known: Option<&Surroundings<'_>>| -> Vec<Vec<f32>> {
-            let of_camera = |camera: &CameraModel| {
-                let mut depths_m = Vec::new();
-                Background::new(camera, known, &camera.full_window(), config).cast_all(&mut depths_m);
-                let aside_px = bleeding_px(config) as usize;
-                let mut depths_m = nearest_around(&depths_m, camera.width_px as usize, aside_px);
-                depths_m.iter_mut().for_each(|depth_m| *depth_m = nearer_than_m(f64::from(*depth_m), config) as f32);
-                depths_m
-            };
-            cameras.iter().map(of_camera).collect()
-        };
-        let waiting = Waiting {
-            X_WL: surroundings.X_WL,
-            width_m: surroundings.width_m,
-            with_arm_m: limits_m(Some(surroundings)),
-            without_arm_m: if config.sees_floor() { limits_m(None) } else { Vec::new() },
-        };
-        Self { waiting: Some(Arc::new(waiting)), ..Self::default() }
-    }
-
     /// The place that most cameras agree on, if any.
     pub fn find(&mut self, view: &View<'_>, reference: &ReferenceModel, config: &Config) -> Option<Point3<f64>> {
         let View { cameras, surroundings, .. } = *view;
-        let waiting = self.waiting.clone();
+        let known = self.background.clone();
         self.blobs.clear();
         for (index, frame) in
             view.seen().filter(|(_, frame)| frame.mask.is_none() && frame.depth_m.len() >= frame.window.area())
@@ -107,9 +62,7 @@ impl Detector {
             if let Some(camera) = cameras.get(frame.camera) {
                 let surroundings = surroundings.get(index);
                 let background = Background::new(camera, surroundings, &frame.window, config);
-                let nearer_than_m =
-                    waiting.as_ref().and_then(|waiting| waiting.nearer_than_m(frame.camera, surroundings));
-                self.choose_candidates(frame, camera, nearer_than_m, &background, config);
+                self.choose_candidates(frame, camera, known.limits_m(frame.camera, surroundings), &background, config);
                 self.add_blobs(frame, camera, reference, config);
             }
         }
@@ -152,7 +105,7 @@ impl Detector {
         &mut self,
         frame: &DepthFrame,
         camera: &CameraModel,
-        nearer_than_m: Option<&[f32]>,
+        known_m: Option<&[f32]>,
         background: &Background<'_>,
         config: &Config,
     ) {
@@ -161,7 +114,7 @@ impl Detector {
         let (left, top, wide) = (frame.window.left as usize, frame.window.top as usize, camera.width_px as usize);
         self.candidates.clear();
         for (row, depths_m) in frame.depth_m[..frame.window.area()].chunks(columns.max(1)).enumerate() {
-            let limits_m = nearer_than_m.and_then(|limits_m| limits_m.get((row + top) * wide + left..));
+            let limits_m = known_m.and_then(|limits_m| limits_m.get((row + top) * wide + left..));
             for (run, depths_m) in depths_m.chunks(RUN).enumerate() {
                 let limits_m = limits_m.and_then(|limits_m| limits_m.get(run * RUN..)).unwrap_or(&ANYWHERE);
                 // Not a number is nearer than nothing. All at once, because in nearly all runs there is
@@ -173,7 +126,7 @@ impl Detector {
                 for (i, both) in depths_m.iter().zip(limits_m).enumerate().filter(|(_, both)| is_near(*both)) {
                     let column = run * RUN + i;
                     let uv = Point2::new((left + column) as f64 + 0.5, (top + row) as f64 + 0.5);
-                    let is_before = |known_m: f64| f64::from(*both.0) < self::nearer_than_m(known_m, config);
+                    let is_before = |known_m: f64| f64::from(*both.0) < nearer_than_m(known_m, config);
                     // The surroundings of the pixel cost more rays.
                     if is_before(background.depth_m(&uv)) && is_before(background.nearest_m(&uv)) {
                         self.candidates.push((row * columns + column) as u32);
@@ -187,6 +140,7 @@ impl Detector {
     fn add_blobs(&mut self, frame: &DepthFrame, camera: &CameraModel, reference: &ReferenceModel, config: &Config) {
         let (columns, rows) = (frame.window.width as usize, frame.window.height as usize);
         let (left, top) = (frame.window.left as usize, frame.window.top as usize);
+        let deep_m = reference.radius_m as f32;
         self.is_free.resize(self.is_free.len().max(frame.window.area()), false);
         for &i in &self.candidates {
             self.is_free[i as usize] = true;
@@ -214,7 +168,8 @@ impl Detector {
                 let across = column.saturating_sub(1)..=(column + 1).min(columns - 1);
                 for neighbour_row in row.saturating_sub(1)..=(row + 1).min(rows - 1) {
                     for neighbour in across.clone().map(|column| neighbour_row * columns + column) {
-                        if std::mem::take(&mut self.is_free[neighbour]) {
+                        let apart_m = (frame.depth_m[neighbour] - frame.depth_m[i]).abs();
+                        if apart_m < deep_m && std::mem::take(&mut self.is_free[neighbour]) {
                             self.stack.push(neighbour as u32);
                         }
                     }
@@ -243,41 +198,6 @@ impl Detector {
             });
         }
     }
-}
-
-impl Waiting {
-    /// The limits in a camera's image, as far as they still hold.
-    fn nearer_than_m(&self, camera: usize, known: Option<&Surroundings<'_>>) -> Option<&[f32]> {
-        let is_waiting = known.is_some_and(|known| {
-            is_within(WAITING, &self.X_WL, &known.X_WL) && (self.width_m - known.width_m).abs() < WAITING
-        });
-        let limits_m = if is_waiting { &self.with_arm_m } else { &self.without_arm_m };
-        limits_m.get(camera).map(Vec::as_slice)
-    }
-}
-
-/// The least depth within so many pixels to each side of every pixel of an image that is `wide` pixels wide.
-fn nearest_around(depths_m: &[f32], wide: usize, aside_px: usize) -> Vec<f32> {
-    let merge =
-        |into: &mut [f32], from: &[f32]| into.iter_mut().zip(from).for_each(|(into, from)| *into = into.min(*from));
-    let mut in_rows = depths_m.to_vec();
-    for (into, from) in in_rows.chunks_mut(wide.max(1)).zip(depths_m.chunks(wide.max(1))) {
-        for apart in 1..=aside_px.min(wide) {
-            merge(&mut into[apart..], from);
-            merge(into, &from[apart..]);
-        }
-    }
-    let mut all = in_rows.clone();
-    for apart in (1..=aside_px).map(|rows| rows * wide).take_while(|apart| *apart < in_rows.len()) {
-        merge(&mut all[apart..], &in_rows);
-        merge(&mut all, &in_rows[apart..]);
-    }
-    all
-}
-
-/// Depth before which a pixel shows an object in front of the background at `depth_m`, in metres.
-fn nearer_than_m(depth_m: f64, config: &Config) -> f64 {
-    if depth_m.is_finite() { depth_m - threshold_m(depth_m, config) } else { f64::INFINITY }
 }
 
 impl Blob {

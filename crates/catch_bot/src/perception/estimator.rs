@@ -202,6 +202,9 @@ impl ObjectFinder {
         if self.reference.points.is_empty() {
             return Err(PerceptionStatus::NoReference);
         }
+        if self.workspace.detector.background.learn(view, &self.config) {
+            return Err(PerceptionStatus::NoPoints);
+        }
         let expected = prior.pose();
         let found = expected.map(|_| self.find_near(view, &prior, &mut register));
         let unlabelled = view.frames.iter().any(|frame| frame.mask.is_none());

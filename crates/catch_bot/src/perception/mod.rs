@@ -15,6 +15,7 @@ mod edge_growth;
 mod estimator;
 mod global_registration;
 mod half_turns;
+mod known_background;
 mod neighbours;
 mod normal_distribution;
 mod normal_equations;
@@ -35,6 +36,8 @@ use catch_body::{Pose, quantity};
 use catch_cell::CameraModel;
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
+
+use known_background::KnownBackground;
 
 pub use camera_health::CameraStatus;
 pub use distance_field::DistanceField;
@@ -68,6 +71,10 @@ pub struct Config {
     /// none if it is not set.
     #[serde(deserialize_with = "quantity::edge_px")]
     pub depth_edge_px: Option<u32>,
+    /// Images of each camera, the first ones, that show the cell before anything flies: whatever is in them
+    /// is background. None by default: all beside the arm, known obstacles and the floor is then the object.
+    #[serde(deserialize_with = "quantity::background_images")]
+    pub background_images: usize,
     /// Indices of cameras whose poses no calibration has found: their images are left out.
     pub uncalibrated_cameras: Vec<usize>,
 }
@@ -81,6 +88,7 @@ impl Default for Config {
             depth_dropout: None,
             depth_common_fraction: None,
             depth_edge_px: None,
+            background_images: 0,
             uncalibrated_cameras: Vec::new(),
         }
     }
@@ -161,7 +169,8 @@ impl Workspace {
     /// searched in images without masks. The search becomes faster, and its result changes only at the very
     /// edge of the arm.
     pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
-        let detector = detection::Detector::before_flight(cameras, surroundings, config);
-        Self { detector, ..Self::default() }
+        let mut workspace = Self::default();
+        workspace.detector.background = KnownBackground::before_flight(cameras, surroundings, config);
+        workspace
     }
 }

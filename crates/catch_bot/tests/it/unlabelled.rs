@@ -191,3 +191,50 @@ fn an_object_is_found_in_full_images() {
         assert_segmented(floor_visible, false, false, 3);
     }
 }
+
+/// A thing that stands in the room is an object like the one that flies. Who has seen it before knows better.
+#[test]
+fn what_the_first_images_show_is_background() {
+    let (robot, gripper) = arm();
+    let surface = ArmSurface::new(&robot, &gripper);
+    let surroundings = Surroundings { arm: &surface, X_WL: robot.link_poses(&robot.ready_q), width_m: 0.1 };
+    let (shape, cameras) = (Shape::banana(), synthetic::flight_rig());
+    let reference = Arc::new(synthetic::reference(&shape, 200));
+    let noise = Noise::Constant(0.002);
+    let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
+    let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
+    let windows: Vec<PixelWindow> = cameras.iter().map(CameraModel::full_window).collect();
+    let mut normal = Normal::new(3);
+    let mut X_WO = [0; 2].map(|_| synthetic::pose_in_flight(&mut normal));
+    X_WO[0].translation.vector.x -= 0.3;
+    for background_images in [0, 3] {
+        let config = Config { depth_noise, background_images, ..Config::default() };
+        let scene = Scene { cameras: &cameras, surroundings, config: &config, noise };
+        let workspace = Workspace::before_flight(&cameras, &surroundings, &config);
+        let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), workspace);
+        let mut found = |poses: &[Pose]| {
+            let images = poses
+                .iter()
+                .map(|X_WO| scene.frames(&shape, &(X_WO * reference.X_RO.inverse()), &windows, &mut normal).0);
+            let nearest = |mut one: Vec<DepthFrame>, other: Vec<DepthFrame>| {
+                for (one, other) in one.iter_mut().zip(other) {
+                    one.depth_m.iter_mut().zip(other.depth_m).for_each(|(a, b)| *a = a.min(b));
+                }
+                one
+            };
+            let frames = images.reduce(nearest).unwrap();
+            let surroundings = vec![surroundings; cameras.len()];
+            let view = View { frames: &frames, cameras: &cameras, surroundings: &surroundings, ..View::default() };
+            estimator.estimate(&view, Prior::Anywhere).ok()
+        };
+        for _ in 0..3 {
+            assert_eq!(found(&X_WO[..1]).is_some(), background_images == 0, "it stands there");
+        }
+        if background_images > 0 {
+            assert!(found(&X_WO[..1]).is_none(), "it still does");
+            let pose = found(&X_WO).expect("one that flies");
+            let off_m = (pose.X_WO.translation.vector - X_WO[1].translation.vector).norm();
+            assert!(off_m < 0.005, "{off_m}");
+        }
+    }
+}

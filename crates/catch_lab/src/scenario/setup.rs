@@ -8,7 +8,7 @@ pub mod throw_check;
 
 use std::sync::{Arc, OnceLock};
 
-use catch_body::{Gripper, InputError, JointVector, Robot};
+use catch_body::{Gripper, InputError, JointVector, Robot, workcell::Obstacle};
 use catch_bot::{Preparation, grasp_selection::GraspSet};
 use catch_cell::{CameraModel, KnownObject};
 use catch_sim::{
@@ -85,6 +85,8 @@ pub struct Setup {
     pub gripper: Gripper,
     /// The cameras as they are.
     pub cameras: Vec<CameraModel>,
+    /// What stands around and the brain is not told of.
+    pub room: Vec<Obstacle>,
     /// Object that is thrown.
     pub object: ThrownObject,
     /// Throw of the object.
@@ -144,7 +146,8 @@ impl Setup {
         let parts = Parts::find(&scenario, &of_file, Place { file, origin }, choice)?;
         let (sources, robot, gripper) = parts.arm(&scenario, &of_file, file)?;
         let object = parts.truth(&scenario.arena)?;
-        let cameras = parts.cameras(&robot)?;
+        let room = parts.room(&robot, &gripper)?;
+        let cameras = parts.cameras(&with_room(&robot, &room))?;
         scenario.arena.check_cameras(&cameras, file, "arena")?;
         let known_object = parts.known_object(&object, &scenario.arena.depth)?;
         let throw = parts.throw(robot.length_m())?;
@@ -155,6 +158,7 @@ impl Setup {
             robot,
             gripper,
             cameras,
+            room,
             object,
             throw,
             known_object,
@@ -237,7 +241,8 @@ impl Setup {
     /// Everything in the arena but the throw.
     pub fn equipment(&self) -> &Equipment {
         self.equipment.get_or_init(|| {
-            let Self { scenario, robot, gripper, object, cameras, .. } = self.clone();
+            let Self { scenario, gripper, object, cameras, .. } = self.clone();
+            let robot = with_room(&self.robot, &self.room);
             Equipment::new(scenario.arena, robot, gripper, object, cameras)
         })
     }
@@ -245,7 +250,9 @@ impl Setup {
     /// The arena with everything in place, the object about to fly.
     pub fn arena(&self, seed: u64, index: u64) -> Arena {
         let waiting = (&self.robot.ready_q, self.waiting_width_m());
-        Arena::new(self.equipment(), &self.release(seed, index), waiting, seed, index)
+        let mut arena = Arena::new(self.equipment(), &self.release(seed, index), waiting, seed, index);
+        arena.show_before(self.scenario.brain.perception.background_images);
+        arena
     }
 
     /// Distance between the fingers of the waiting hand, in metres: as wide as the grasps of the object need,
@@ -280,6 +287,11 @@ impl Setup {
     pub fn release(&self, seed: u64, index: u64) -> Release {
         self.throw.release(&self.object.name, &self.conditions(seed, index), seed, index)
     }
+}
+
+/// The arm with what stands in the room besides the obstacles that it knows.
+fn with_room(robot: &Robot, room: &[Obstacle]) -> Robot {
+    Robot { obstacles: [&robot.obstacles, room].concat(), ..robot.clone() }
 }
 
 /// Reason why a setup's settings are valid.

@@ -6,7 +6,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use crate::{
     depth_noise::{DepthConfig, DepthModel, EDGE_JUMP_PX, StereoNoise},
-    person::Person,
+    person::{Person, Thrower},
 };
 
 use super::{
@@ -26,6 +26,8 @@ pub struct DepthCameras {
     holes: Option<Holes>,
     /// A person who walks through the images.
     pub(crate) person: Option<Person>,
+    /// The person who threw the object, and when.
+    pub(crate) thrower: Option<(Thrower, f64)>,
     key: Key,
 }
 
@@ -71,6 +73,7 @@ impl DepthCameras {
             config: config.clone(),
             holes: Holes::new(config, key.part(OBJECT)),
             person: None,
+            thrower: None,
             key,
         }
     }
@@ -123,8 +126,9 @@ impl DepthCameras {
         readout: Readout,
         labelled: bool,
     ) -> Vec<DepthFrame> {
-        let person = self.person.iter().flat_map(|person| person.parts(scene.capture_s));
-        let view = renderer.view(scene, person);
+        let walking = self.person.iter().flat_map(|person| person.parts(scene.capture_s));
+        let thrower = self.thrower.iter().flat_map(|(thrower, at_s)| thrower.parts(scene.capture_s - at_s));
+        let view = renderer.view(scene, walking.chain(thrower));
         let stereo = self.config.model.stereo();
         let edge_px = stereo.map_or(0, StereoNoise::edge_reach_px);
         let channels = Channels {

@@ -164,6 +164,7 @@ pub fn observe_flights(
         if flight > 0 {
             arena.throw_next(setup.equipment(), &setup.release(thrown, flight), thrown, flight);
         }
+        arena.show_before(setup.scenario.brain.perception.background_images);
         let mut run = FlightRun::new(known.clone(), calibration, LONGEST_FLIGHT_S);
         while !run.is_done() {
             let Ok(observation) = arena.sense();

@@ -1,6 +1,9 @@
 //! The files that a scenario and a choice name: found, read and checked one by one.
 
-use catch_body::{Gripper, InputError, Robot};
+use catch_body::{
+    Gripper, InputError, Robot,
+    workcell::{Obstacle, Workcell},
+};
 use catch_cell::{CameraModel, DataSheet, KnownObject, ReferenceScan, reference_scan, rig_from_toml};
 use catch_sim::{ArenaConfig, Throw, ThrownObject, depth_noise::DepthConfig};
 
@@ -26,6 +29,7 @@ pub(super) struct Parts {
     robot: Asset,
     gripper: Asset,
     workcell: Option<Asset>,
+    room: Option<Asset>,
     object: Asset,
     throw: Asset,
     camera: Asset,
@@ -49,7 +53,9 @@ impl Parts {
             (None, None) => None,
             (asked, named) => Some(find(Kind::Workcell, asked, named.as_deref().unwrap_or_default(), "workcell")?),
         };
+        let room = scenario.room.as_deref().map(|named| find(Kind::Workcell, None, named, "room")).transpose()?;
         Ok(Self {
+            room,
             robot: find(Kind::Robot, choice.robot, &scenario.robot, "robot")?,
             gripper: find(Kind::Gripper, choice.gripper, &scenario.gripper, "gripper")?,
             workcell,
@@ -98,6 +104,14 @@ impl Parts {
         }
         scenario.check_closing(file, &hand, &self.gripper.file)?;
         Ok((sources, arm, hand))
+    }
+
+    /// What stands in the room besides. The arm waits clear of it.
+    pub fn room(&self, robot: &Robot, gripper: &Gripper) -> Result<Vec<Obstacle>, InputError> {
+        let Some(Asset { file, text, .. }) = &self.room else { return Ok(Vec::new()) };
+        let obstacles = Workcell::from_toml(file, text)?.obstacles;
+        sources::check_waits_clear(&Robot { obstacles: obstacles.clone(), ..robot.clone() }, gripper, file)?;
+        Ok(obstacles)
     }
 
     /// The object as it is.
@@ -153,6 +167,7 @@ impl Parts {
             scenario.name += &format!("+workcell={name}");
         }
         scenario.workcell = workcell;
+        scenario.room = self.room.map(|it| it.name);
         if let Some(method) = choice.method.filter(|method| *method != scenario.brain.method) {
             scenario.name += &format!("+method={method}");
             scenario.brain.method = method;

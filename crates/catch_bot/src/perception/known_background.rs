@@ -1,0 +1,156 @@
+//! Depths of all that the cameras see before anything flies: of the arm that waits, of known obstacles and the
+//! floor, and of what the first images show besides.
+
+use std::sync::Arc;
+
+use catch_body::kinematics::LinkPoses;
+use catch_cell::CameraModel;
+
+use super::{
+    Config,
+    segmentation::{Background, Surroundings, bleeding_px, threshold_m},
+    view::View,
+};
+
+/// Background before anything flies.
+#[derive(Debug, Clone, Default)]
+pub(super) struct KnownBackground {
+    /// None before it is prepared.
+    limits: Option<Arc<Limits>>,
+    /// What each camera has shown so far.
+    learned: Vec<Learned>,
+}
+
+/// For each camera and pixel of its whole image the depth in front of which the pixel shows something else.
+#[derive(Debug, Clone)]
+struct Limits {
+    /// The arm that waits, and the opening of its gripper.
+    X_WL: LinkPoses,
+    width_m: f64,
+    with_arm_m: Vec<Vec<f32>>,
+    /// Depths without the arm; empty where no other background is known.
+    without_arm_m: Vec<Vec<f32>>,
+}
+
+/// What the first images of a camera have shown.
+#[derive(Debug, Clone, Default)]
+struct Learned {
+    images: usize,
+    /// The least depth of each pixel; empty before the first image.
+    nearest_m: Vec<f32>,
+}
+
+/// Arms whose links are nearer to where they wait than this, in metres and radians, are waiting: half of the
+/// margin by which a pixel must be nearer than the background.
+const WAITING: f64 = 5e-3;
+
+/// Returns whether each link is within this distance of its former pose, in metres and radians.
+pub(super) fn is_within(limit: f64, X_WA: &LinkPoses, X_WB: &LinkPoses) -> bool {
+    X_WA.iter().zip(X_WB).all(|(A, B)| {
+        (A.translation.vector - B.translation.vector).norm() < limit && A.rotation.angle_to(&B.rotation) < limit
+    })
+}
+
+/// Depth before which a pixel shows an object in front of the background at `depth_m`, in metres.
+pub(super) fn nearer_than_m(depth_m: f64, config: &Config) -> f64 {
+    if depth_m.is_finite() { depth_m - threshold_m(depth_m, config) } else { f64::INFINITY }
+}
+
+impl KnownBackground {
+    /// Prepares the background with an arm that will be waiting where `surroundings` say.
+    pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
+        let limits_m = |known: Option<&Surroundings<'_>>| -> Vec<Vec<f32>> {
+            let of_camera = |camera: &CameraModel| {
+                let mut depths_m = Vec::new();
+                Background::new(camera, known, &camera.full_window(), config).cast_all(&mut depths_m);
+                self::limits_m(&depths_m, camera, config)
+            };
+            cameras.iter().map(of_camera).collect()
+        };
+        let limits = Limits {
+            X_WL: surroundings.X_WL,
+            width_m: surroundings.width_m,
+            with_arm_m: limits_m(Some(surroundings)),
+            without_arm_m: if config.sees_floor() { limits_m(None) } else { Vec::new() },
+        };
+        Self { limits: Some(Arc::new(limits)), learned: Vec::new() }
+    }
+
+    /// Learns the background from the first images of each camera. Returns whether there was any such image.
+    pub fn learn(&mut self, view: &View<'_>, config: &Config) -> bool {
+        let Some(limits) = &mut self.limits else { return false };
+        let mut learns = false;
+        for (_, frame) in view.seen().filter(|(_, frame)| frame.mask.is_none()) {
+            let Some(camera) = view.cameras.get(frame.camera) else { continue };
+            self.learned.resize_with(view.cameras.len(), Learned::default);
+            let learned = &mut self.learned[frame.camera];
+            let is_full = frame.window == camera.full_window() && frame.depth_m.len() >= frame.window.area();
+            if learned.images >= config.background_images || !is_full {
+                continue;
+            }
+            learns = true;
+            learned.images += 1;
+            learned.nearest_m.resize(frame.window.area(), f32::INFINITY);
+            for (nearest_m, found_m) in learned.nearest_m.iter_mut().zip(&frame.depth_m) {
+                // Not a number is nearer than nothing.
+                *nearest_m = if *found_m > 0.0 { nearest_m.min(*found_m) } else { *nearest_m };
+            }
+            if learned.images == config.background_images {
+                let limits_m = limits_m(&std::mem::take(&mut learned.nearest_m), camera, config);
+                Arc::make_mut(limits).include(frame.camera, &limits_m);
+            }
+        }
+        learns
+    }
+
+    /// The limits in a camera's image, as far as they still hold with the arm that is known.
+    pub fn limits_m(&self, camera: usize, known: Option<&Surroundings<'_>>) -> Option<&[f32]> {
+        let limits = self.limits.as_ref()?;
+        let is_waiting = known.is_some_and(|known| {
+            is_within(WAITING, &limits.X_WL, &known.X_WL) && (limits.width_m - known.width_m).abs() < WAITING
+        });
+        let limits_m = if is_waiting { &limits.with_arm_m } else { &limits.without_arm_m };
+        limits_m.get(camera).map(Vec::as_slice)
+    }
+}
+
+impl Limits {
+    /// Includes what a camera has shown beside the arm. Nobody knows what stands behind that.
+    fn include(&mut self, camera: usize, learned_m: &[f32]) {
+        let Self { with_arm_m, without_arm_m, .. } = self;
+        let Some(with_arm_m) = with_arm_m.get_mut(camera) else { return };
+        without_arm_m.resize_with(without_arm_m.len().max(camera + 1), Vec::new);
+        let without_arm_m = &mut without_arm_m[camera];
+        without_arm_m.resize(with_arm_m.len(), f32::INFINITY);
+        for ((with_arm_m, without_arm_m), learned_m) in with_arm_m.iter_mut().zip(without_arm_m).zip(learned_m) {
+            *without_arm_m = if *with_arm_m < *without_arm_m { 0.0 } else { without_arm_m.min(*learned_m) };
+            *with_arm_m = with_arm_m.min(*learned_m);
+        }
+    }
+}
+
+/// Depths before which the pixels of an image show something else than these depths.
+fn limits_m(depths_m: &[f32], camera: &CameraModel, config: &Config) -> Vec<f32> {
+    let mut limits_m = nearest_around(depths_m, camera.width_px as usize, bleeding_px(config) as usize);
+    limits_m.iter_mut().for_each(|depth_m| *depth_m = nearer_than_m(f64::from(*depth_m), config) as f32);
+    limits_m
+}
+
+/// The least depth within so many pixels to each side of every pixel of an image that is `wide` pixels wide.
+fn nearest_around(depths_m: &[f32], wide: usize, aside_px: usize) -> Vec<f32> {
+    let merge =
+        |into: &mut [f32], from: &[f32]| into.iter_mut().zip(from).for_each(|(into, from)| *into = into.min(*from));
+    let mut in_rows = depths_m.to_vec();
+    for (into, from) in in_rows.chunks_mut(wide.max(1)).zip(depths_m.chunks(wide.max(1))) {
+        for apart in 1..=aside_px.min(wide) {
+            merge(&mut into[apart..], from);
+            merge(into, &from[apart..]);
+        }
+    }
+    let mut all = in_rows.clone();
+    for apart in (1..=aside_px).map(|rows| rows * wide).take_while(|apart| *apart < in_rows.len()) {
+        merge(&mut all[apart..], &in_rows);
+        merge(&mut all, &in_rows[apart..]);
+    }
+    all
+}

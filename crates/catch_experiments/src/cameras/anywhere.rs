@@ -1,0 +1,172 @@
+//! Rigs that nobody placed: two cameras somewhere around the arm, calibrated on it, and how well their catch
+//! rates are foretold.
+
+use std::{fs, path::PathBuf};
+
+use anyhow::{Context, Result};
+use catch_body::pose::look_at;
+use catch_cell::CameraModel;
+use catch_lab::{
+    assets::Kind,
+    camera_placement::{self, FlightScore, PlacementStudy, foretold},
+    parallel, referee,
+    scenario::setup::{Choice, Setup},
+    trial,
+};
+use catch_sim::random_streams::{Draws, Stream};
+use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    Options,
+    results::{Entry, Table, last_change},
+    spread::{percent, rate},
+};
+
+pub const LEGEND: &str = "\n\nTwo cameras *anywhere* stand on tripods that nobody placed, in the scenario `lab`: 1.5 to 3.5 m from the base in any direction, 0.8 to 2.5 m high, looking at \
+the working space. Images are those of a RealSense D435 or D455 (848×480, 90 Hz) or of an Orbbec Femto Bolt (640×576, 30 Hz), depth errors those of `lab`. The \
+arm calibrates each rig. Rates of all throws stand with what `place-cameras` foretells of them; it was fitted to ten other rigs. *Seen* are throws that two cameras \
+show for 0.25 s or more until 0.3 s before the catch.";
+
+/// Rigs that are reported. The first ten are those on which the foretold rates were fitted.
+const RIGS: std::ops::Range<u64> = 10..20;
+/// Parts of equal width into which foretold rates are divided.
+const BINS: usize = 5;
+/// Throws of each object on each rig.
+const THROWS: [&str; 2] = ["random", "by_hand"];
+/// Time for which two cameras have to see a flight, in seconds.
+const SEEN_S: f64 = 0.25;
+
+/// Sources that throws depend on.
+const SOURCES: &[&str] = &[
+    "assets",
+    "crates/catch_body",
+    "crates/catch_bot",
+    "crates/catch_cell",
+    "crates/catch_lab/src",
+    "crates/catch_sim",
+];
+
+/// Width, height, focal length in pixels, and images a second.
+const IMAGES: [(u32, u32, f64, f64); 3] = [(848, 480, 433.0, 90.0), (848, 480, 433.0, 90.0), (640, 576, 504.0, 30.0)];
+
+/// One throw: what was foretold, and what came of it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Thrown {
+    caught: bool,
+    shown_by_two_s: f64,
+    foretold: f64,
+}
+
+/// Two cameras 1.5 to 3.5 m from the base and 0.8 to 2.5 m high, which look at the working space.
+fn cameras(kind: &CameraModel, rig: u64) -> Vec<CameraModel> {
+    let mut draws = Draws::new(Stream::Calibration, rig, 2);
+    let mut camera = || {
+        let around = draws.between([-std::f64::consts::PI, std::f64::consts::PI]);
+        let away_m = draws.between([1.5, 3.5]);
+        let eye = Point3::new(away_m * libm::cos(around), away_m * libm::sin(around), draws.between([0.8, 2.5]));
+        let aim = Point3::new(draws.between([0.2, 0.8]), draws.between([-0.4, 0.4]), draws.between([0.3, 0.9]));
+        let (width_px, height_px, focal_px, rate_hz) = IMAGES[(draws.unit() * IMAGES.len() as f64) as usize];
+        CameraModel {
+            X_WC: look_at(&eye, &aim),
+            width_px,
+            height_px,
+            focal_px,
+            principal_px: [f64::from(width_px) / 2.0, f64::from(height_px) / 2.0],
+            rate_hz: Some(rate_hz),
+            ..kind.clone()
+        }
+    };
+    vec![camera(), camera()]
+}
+
+/// The throws of an object on a rig, kept from an earlier run or thrown now.
+fn thrown(rig: u64, setup: Setup, options: &Options) -> Result<Vec<Thrown>> {
+    let seed = options.seed + rig;
+    let name = format!("{rig}-{}-{}-{seed}-{}.json", setup.scenario.throw, setup.scenario.object, options.trials);
+    let kept = PathBuf::from("target/anywhere").join(last_change(SOURCES).replace([' ', ','], "_")).join(name);
+    if let Some(known) = fs::read(&kept).ok().and_then(|it| serde_json::from_slice(&it).ok()) {
+        return Ok(known);
+    }
+    setup.prepare();
+    let config = camera_placement::Config { seed, throws: options.trials, ..Default::default() };
+    let score = PlacementStudy::new(&setup, &config)?.score(&setup.used_cameras(seed));
+    let result = |index: usize| {
+        let trial = trial::run_unobserved(&mut setup.brain(seed, index as u64), &setup, seed, index as u64);
+        let FlightScore { shown_by_two_s, .. } = score.flights[index];
+        let foretold = foretold::chance(&score.flights[index], setup.scenario.object == "tennis_ball");
+        Thrown { caught: referee::judge(&setup, &trial).caught, shown_by_two_s, foretold }
+    };
+    let thrown = parallel::map(options.trials as usize, result);
+    fs::create_dir_all(kept.parent().context("a folder")?)?;
+    fs::write(&kept, serde_json::to_vec(&thrown)?)?;
+    Ok(thrown)
+}
+
+/// All throws of a rig, by throw and object.
+fn of_rig(rig: u64, options: &Options) -> Result<Vec<(&'static str, &'static str, Vec<Thrown>)>> {
+    let load = |throw, object| -> Result<Setup> {
+        let choice = Choice { scenario: Some("lab"), object: Some(object), throw: Some(throw), ..Choice::default() };
+        let mut setup = Setup::load(&choice)?;
+        setup.cameras = cameras(&setup.cameras[0], rig);
+        Ok(setup)
+    };
+    let first = load(THROWS[0], "tennis_ball")?;
+    let kinds =
+        THROWS.into_iter().flat_map(|throw| Kind::Object.names().into_iter().map(move |object| (throw, object)));
+    let all = kinds.map(|(throw, object)| {
+        let setup = load(throw, object)?.sharing_calibrations(&first);
+        Ok((throw, object, thrown(rig, setup, options)?))
+    });
+    all.collect()
+}
+
+/// Rates of some throws: caught, foretold, and caught of those that two cameras see long enough.
+fn figures<'a>(thrown: impl Iterator<Item = &'a Thrown> + Clone) -> Vec<Entry> {
+    let seen = || thrown.clone().filter(|it| it.shown_by_two_s >= SEEN_S);
+    let (all, seen_ones) = (thrown.clone().count(), seen().count());
+    vec![
+        Entry::Count(all),
+        rate(thrown.clone().filter(|it| it.caught).count(), all),
+        Entry::Number((all > 0).then(|| 100.0 * thrown.clone().map(|it| it.foretold).sum::<f64>() / all as f64)),
+        percent(seen_ones, all),
+        rate(seen().filter(|it| it.caught).count(), seen_ones),
+    ]
+}
+
+/// Each rig, each throw, and how reliable the foretold rates are.
+pub fn tables(options: &Options) -> Result<Vec<Table>> {
+    const FIGURES: [&str; 5] = ["throws", "caught, %", "foretold, %", "seen, %", "caught of these, %"];
+    let columns = |first: &[&'static str]| [first, &FIGURES].concat();
+    let mut by_rig = Table::new("Two cameras anywhere, by rig", &columns(&["rig", "object"])).across("object");
+    let mut by_throw = Table::new("Two cameras anywhere, by throw", &columns(&["throw", "object"]));
+    let all = RIGS.map(|rig| Ok((rig, of_rig(rig, options)?))).collect::<Result<Vec<_>>>()?;
+    for (rig, thrown) in &all {
+        for object in Kind::Object.names() {
+            let of_object = thrown.iter().filter(|it| it.1 == object).flat_map(|it| &it.2);
+            by_rig.rows.push([vec![Entry::Count(*rig as usize), Entry::text(object)], figures(of_object)].concat());
+        }
+    }
+    let thrown = || all.iter().flat_map(|it| &it.1);
+    for throw in THROWS {
+        for object in Kind::Object.names() {
+            let those = thrown().filter(|it| (it.0, it.1) == (throw, object)).flat_map(|it| &it.2);
+            by_throw.rows.push([vec![Entry::text(throw), Entry::text(object)], figures(those)].concat());
+        }
+    }
+    by_throw.rows.push([vec![Entry::text("all"), Entry::text("all")], figures(thrown().flat_map(|it| &it.2))].concat());
+    let mut reliability = Table::new("Foretold and found", &["foretold", "throws", "foretold, %", "found, %"]);
+    for bin in 0..BINS {
+        let those =
+            thrown().flat_map(|it| &it.2).filter(|it| ((it.foretold * BINS as f64) as usize).min(BINS - 1) == bin);
+        let [from, to] = [bin, bin + 1].map(|it| 100 * it / BINS);
+        let [throws, found, foretold, ..] = &figures(those)[..] else { continue };
+        reliability.rows.push(vec![
+            Entry::Text(format!("{from} to {to} %")),
+            throws.clone(),
+            foretold.clone(),
+            found.clone(),
+        ]);
+    }
+    Ok(vec![by_rig, by_throw, reliability])
+}

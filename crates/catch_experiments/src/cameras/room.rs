@@ -1,0 +1,98 @@
+//! A room with people in it: what that costs, and how often the arm starts for nothing.
+
+use anyhow::Result;
+use catch_body::statistics::paired95;
+use catch_cell::{Brain, Cell};
+use catch_lab::{
+    assets::Kind,
+    parallel, referee,
+    scenario::setup::{Choice, Setup},
+    trial,
+};
+use catch_sim::{Arena, Release};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
+
+use crate::{
+    Options,
+    results::{Entry, Table},
+    spread::rate,
+};
+
+pub const LEGEND: &str = "\n\nThe scenario `room` is `lab` among walls, furniture, a person who walks by and the person who throws, all of which the cameras see and nobody has told the brain. \
+Throws are the same in both. Where nothing is in flight, the person walks as always, and each motion of the arm is a false start.";
+
+/// Images of a scene in which nothing flies are those of so many seconds.
+const QUIET_S: f64 = 2.0;
+/// Scenes of that kind for each throw of an object.
+const QUIET_PER_TRIAL: u64 = 1;
+/// Position of an object that no camera sees.
+const OUT_OF_SIGHT_M: [f64; 3] = [45.0, 45.0, 0.3];
+
+fn setup(scenario: &str, object: &str) -> Result<Setup> {
+    let setup = Setup::load(&Choice { scenario: Some(scenario), object: Some(object), ..Choice::default() })?;
+    setup.prepare();
+    Ok(setup)
+}
+
+/// Images in which nothing flies, and whether the arm moved.
+fn quiet(setup: &Setup, seed: u64, index: u64) -> (usize, bool) {
+    let release = Release {
+        p_WO: Point3::from(OUT_OF_SIGHT_M),
+        v_WO: Vector3::zeros(),
+        q_WO: UnitQuaternion::identity(),
+        omega_WO: Vector3::zeros(),
+        path: None,
+    };
+    let waiting = (&setup.robot.ready_q, setup.waiting_width_m());
+    let mut arena = Arena::new(setup.equipment(), &release, waiting, seed, index);
+    arena.show_before(setup.scenario.brain.perception.background_images);
+    let (mut brain, mut images) = (setup.brain(seed, index), 0);
+    loop {
+        let Ok(observation) = arena.sense();
+        images += observation.frames.len();
+        let command = brain.tick(&observation, &mut ());
+        if command.arm.is_some() || observation.time_s > QUIET_S {
+            return (images, command.arm.is_some());
+        }
+        let Ok(()) = arena.act(&command);
+    }
+}
+
+/// Throws in the room and without it, and false starts.
+pub fn tables(options: &Options) -> Result<Vec<Table>> {
+    let columns = ["object", "throws", "lab, %", "room, %", "difference, points"];
+    let mut rates = Table::new("A room with people", &columns);
+    let mut starts = Table::new("Nothing in flight in the room", &["object", "scenes", "images", "false starts"]);
+    for object in Kind::Object.names() {
+        let [lab, room] = ["lab", "room"].map(|scenario| setup(scenario, object));
+        let (lab, room) = (lab?, room?);
+        let caught = |setup: &Setup| {
+            parallel::map(options.trials as usize, |index| {
+                let (seed, index) = (options.seed, index as u64);
+                let trial = trial::run_unobserved(&mut setup.brain(seed, index), setup, seed, index);
+                referee::judge(setup, &trial).caught
+            })
+        };
+        let pairs: Vec<(bool, bool)> = caught(&lab).into_iter().zip(caught(&room)).collect();
+        let count = |those: &dyn Fn(&(bool, bool)) -> bool| pairs.iter().filter(|it| those(it)).count();
+        let (gained, lost) = (count(&|it| !it.0 && it.1), count(&|it| it.0 && !it.1));
+        let [from, to] = paired95(gained, lost, pairs.len());
+        let difference = (gained as f64 - lost as f64) / pairs.len().max(1) as f64;
+        rates.rows.push(vec![
+            Entry::text(object),
+            Entry::Count(pairs.len()),
+            rate(count(&|it| it.0), pairs.len()),
+            rate(count(&|it| it.1), pairs.len()),
+            Entry::Spread([difference, from, to].map(|it| 100.0 * it).into()),
+        ]);
+        let scenes = (QUIET_PER_TRIAL * options.trials) as usize;
+        let quiet = parallel::map(scenes, |index| quiet(&room, options.seed, index as u64));
+        starts.rows.push(vec![
+            Entry::text(object),
+            Entry::Count(scenes),
+            Entry::Count(quiet.iter().map(|it| it.0).sum()),
+            Entry::Count(quiet.iter().filter(|it| it.1).count()),
+        ]);
+    }
+    Ok(vec![rates, starts])
+}
