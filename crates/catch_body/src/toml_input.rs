@@ -359,7 +359,7 @@ mod tests {
             ("[arena]\nrate_hz = \"100\"", "arena.rate_hz: found \"100\", expected a number"),
             ("seed = 1.5", "seed: found 1.5, expected a whole number"),
             ("seed = 99_999_999_999_999_999_999", "seed: found 1e20, expected a whole number"),
-            ("arena = { rate_hz = -9223372036854775809 }", "arena.rate_hz: found -9223372036854775808, expected 1 to"),
+            ("arena = { rate_hz = -9223372036854775809 }", "arena.rate_hz: found -9.223372036854776e18, expected 1 to"),
             ("arena = { rate_hz = 1.0, drag = 1 }", "arena.drag: found 1, expected true or false"),
             ("arena = 3", "arena: found 3, expected a table"),
             ("arena = []", "arena: found [], expected a table"),
