@@ -1,6 +1,6 @@
 //! Faults of a file or an argument, reported so that its author can mend them.
 
-use std::fmt::Display;
+use std::{collections::BTreeSet, fmt::Display};
 
 use serde::Serialize;
 
@@ -73,9 +73,11 @@ impl InputError {
         Self { of_output: !of_place, ..Self::new(file, "the file", fault, expected) }
     }
 
-    /// All faults among several checks as one, the first of them with the others.
+    /// All faults among several checks as one, the first of them with the others; one of each field.
     pub fn first_of<T>(checks: impl IntoIterator<Item = Result<T, Self>>) -> Result<(), Self> {
-        let mut faults = checks.into_iter().filter_map(Result::err).flat_map(Self::all);
+        let mut told = BTreeSet::new();
+        let is_new = |it: &Self| told.insert((it.file.clone(), it.field.clone()));
+        let mut faults = checks.into_iter().filter_map(Result::err).flat_map(Self::all).filter(is_new);
         faults.next().map_or(Ok(()), |first| Err(Self { also: faults.collect(), ..first }))
     }
 

@@ -90,13 +90,28 @@ impl<'de> Numbers<'de> for f64 {
     }
 }
 
+/// Reads a whole number.
+struct Whole(Quantity);
+
+impl Visitor<'_> for Whole {
+    type Value = u64;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "a whole number, {}", self.0)
+    }
+
+    fn visit_u64<E: Error>(self, value: u64) -> Result<u64, E> {
+        let is_within = self.0.contains(value as f64);
+        if is_within { Ok(value) } else { Err(E::invalid_value(Unexpected::Unsigned(value), &self.0)) }
+    }
+}
+
 macro_rules! whole_numbers {
     ($($whole:ty),*) => {$(
         impl<'de> Numbers<'de> for $whole {
             fn within<D: Deserializer<'de>>(range: Quantity, from: D) -> Result<Self, D::Error> {
-                let value = Self::deserialize(from)?;
-                let unexpected = || D::Error::invalid_value(Unexpected::Unsigned(u64::try_from(value).unwrap_or(u64::MAX)), &range);
-                if range.contains(value as f64) { Ok(value) } else { Err(unexpected()) }
+                let value = from.deserialize_u64(Whole(range))?;
+                Self::try_from(value).map_err(|_| D::Error::invalid_value(Unexpected::Unsigned(value), &range))
             }
         }
     )*};
@@ -431,6 +446,7 @@ mod tests {
         let right = read("size_m = [1, 0.5, 2.0]\nprofile_m = [[0.0, 0.1]]\nratio = 1").unwrap();
         assert_eq!(right, File { size_m: [1.0, 0.5, 2.0], ratio: Some(1.0), profile_m: vec![[0.0, 0.1]], width_px: 1 });
         for (text, said) in [
+            ("", "the file: found nothing, expected a file with a value of `size_m`, among others"),
             ("size_m = [1, 1, 1, 7]", "size_m: found [1, 1, 1, 7], expected a list of 3"),
             ("size_m = [1, 1]", "size_m: found [1, 1], expected a list of 3"),
             ("size_m = [1, 1e300, 1]", "size_m[1]: found 1e300, expected 0.001 to 2 m"),
@@ -444,7 +460,11 @@ mod tests {
             ),
             ("size_m = [1, 1, 1]\nprofile_m = [[0, 5]]", "profile_m[0][1]: found 5, expected -1 to 1 m"),
             ("size_m = [1, 1, 1]\nwidth_px = 9000", "width_px: found 9000, expected 1 to 8192 pixels"),
-            ("size_m = [1, 1, 1]\nwidth_px = -1", "width_px: found -1, expected a whole number"),
+            ("size_m = [1, 1, 1]\nwidth_px = -1", "width_px: found -1, expected a whole number, 1 to 8192 pixels"),
+            (
+                "size_m = [1, 1, 1]\nwidth_px = 100_000_000_000_000_000_000",
+                "width_px: found 1e20, expected a whole number, 1 to",
+            ),
         ] {
             let fault = read(text).unwrap_err().to_string();
             assert!(fault.starts_with(&format!("f.toml: {said}")), "{fault}");

@@ -2,7 +2,7 @@
 
 mod places;
 
-use std::{io, path::PathBuf, sync::Arc};
+use std::{env, io, path::PathBuf, sync::Arc};
 
 use catch_body::{
     InputError, Pose,
@@ -19,7 +19,7 @@ use catch_lab::scenario::setup::{
     Choice, Setup,
     calibration::{self, ArenaSession, CalibratedCameras, calibrated_cameras},
 };
-use catch_recording::whole_file::{self, COMMAND_LINE, check_new, make_writable, unfinished_folder, write_new};
+use catch_recording::whole_file::{self, COMMAND_LINE, check_new, unfinished_folder, write_new};
 use catch_view::pages::calibration_page::{self, CameraSection};
 use clap::Args;
 use serde::Serialize;
@@ -144,7 +144,6 @@ pub struct CameraDocument {
 /// Faults of the choice or the files, or of writing.
 pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     let OutputArguments { out, json } = &arguments.output;
-    make_writable(out, "--out")?;
     let setup = setup(arguments)?;
     let places = Places::of(out, setup.cameras.len());
     check_new(places.all(), "--out")?;
@@ -233,7 +232,7 @@ fn setup(arguments: &CalibrateArguments) -> anyhow::Result<Setup> {
             Ok((CameraModel { X_WC: X_WB * X_BC, ..read_camera_info(info)? }, None))
         };
         let cameras: Vec<_> = infos.iter().zip(results).map(camera).collect::<Result<_, _>>()?;
-        let folder = unfinished_folder(&arguments.output.out.join("rig.toml"))?;
+        let folder = unfinished_folder(&env::temp_dir().join("rig.toml"))?;
         let path = folder.path().join("rig.toml");
         whole_file::write(&path, rig_to_toml("Cameras as files of ROS describe them.", &cameras))?;
         rig = Some(path.display().to_string());

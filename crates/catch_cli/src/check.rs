@@ -63,8 +63,12 @@ fn checked(file: &Path) -> Checked {
     if !text.lines().any(|it| it.trim_start().starts_with("[arm]")) {
         return check(file);
     }
-    let read = drive::read(file).map(|(links, _)| format!("a cell, driven by {}", links.arm.driver));
-    let (notes, faults) = read.map_or_else(|fault| (vec![], vec![fault]), |it| (vec![it], vec![]));
+    // A file is right wherever it is read; its driver may be on another machine.
+    let notes = drive::setup(file, &[]).map(|(links, _)| {
+        let missing = drive::program(file, &links).err().map(|it| it.to_string());
+        std::iter::once(format!("a cell, driven by {}", links.arm.driver)).chain(missing).collect()
+    });
+    let (notes, faults) = notes.map_or_else(|fault| (Vec::new(), fault.all()), |notes| (notes, Vec::new()));
     Checked { kind: None, faults, notes }
 }
 

@@ -16,12 +16,16 @@ use catch_lab::{
 };
 use catch_sim::depth_noise::{DepthModel, StereoNoise};
 use clap::Args;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
-use crate::{drive, screen};
+use crate::{
+    drive::{self, DriveArguments},
+    screen, whole,
+};
 
 /// File in the folder for results in which a driver leaves its findings.
 const FINDINGS: &str = "doctor.json";
+
 /// Arguments of `doctor`.
 #[derive(Debug, Args)]
 pub struct DoctorArguments {
@@ -32,8 +36,30 @@ pub struct DoctorArguments {
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
     /// Throws of each prediction
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = whole(1, 10_000))]
     trials: u64,
+    /// Print one JSON document; what the driver says goes to standard error
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    /// All that the driver found.
+    findings: serde_json::Value,
+    predictions: Vec<Prediction>,
+    /// Reason why there is none.
+    no_prediction: Option<&'a str>,
+}
+
+/// What the arena catches with the findings.
+#[derive(Serialize)]
+struct Prediction {
+    speed_scaling: f64,
+    caught: usize,
+    trials: u64,
+    /// Interval of 95 % (Wilson) of the catch rate.
+    rate_95: [f64; 2],
 }
 
 /// The part of a driver's findings that the arena can have, too.
@@ -65,28 +91,42 @@ struct Noise {
 ///
 /// # Errors
 /// A fault in the cell's file; a driver that is missing, fails, or leaves no findings.
-pub fn run(DoctorArguments { cell, out, trials }: &DoctorArguments) -> anyhow::Result<()> {
+pub fn run(DoctorArguments { cell, out, trials, json }: &DoctorArguments) -> anyhow::Result<()> {
+    let (links, _) = drive::setup(cell, &[])?;
+    drive::program(cell, &links)?;
     let file = out.join(FINDINGS);
     if file.exists() {
         fs::remove_file(&file).with_context(|| file.display().to_string())?;
     }
-    drive::start("doctor", cell, out, false, false)?;
+    let (cell, out) = (cell.clone(), out.clone());
+    let driving = DriveArguments { cell, out, dry_run: false, watch: false, json: *json };
+    drive::start("doctor", &driving)?;
     let text = fs::read_to_string(&file).with_context(|| format!("the findings of the driver: {}", file.display()))?;
     let found: Findings = serde_json::from_str(&text).with_context(|| file.display().to_string())?;
-    let (links, _) = drive::setup(cell, &[])?;
-    let Some(ratio) = found.acceleration_ratio else {
-        return Ok(screen::line("no prediction: over this link nothing may move")?);
+    let no_prediction = match found.acceleration_ratio {
+        None => Some("over this link nothing may move"),
+        Some(_) if found.images.is_empty() => Some("no camera sent images"),
+        Some(_) => None,
     };
-    if found.images.is_empty() {
-        return Ok(screen::line("no prediction: no camera sent images")?);
-    }
     let mut speeds = vec![links.speed_scaling, 1.0];
     speeds.dedup();
-    for speed in speeds {
-        let caught = predicted(cell, &found, [speed, ratio], *trials)?;
-        let [low, high] = wilson95(caught, *trials as usize).map(|it| it * 100.0);
+    let mut predictions = Vec::new();
+    for speed_scaling in speeds.into_iter().filter(|_| no_prediction.is_none()) {
+        let ratio = found.acceleration_ratio.unwrap_or(1.0);
+        let caught = predicted(&driving.cell, &found, [speed_scaling, ratio], *trials)?;
+        let rate_95 = wilson95(caught, *trials as usize);
+        predictions.push(Prediction { speed_scaling, caught, trials: *trials, rate_95 });
+    }
+    if *json {
+        return screen::document(&Document { findings: serde_json::from_str(&text)?, predictions, no_prediction });
+    }
+    if let Some(reason) = no_prediction {
+        screen::line(&format!("no prediction: {reason}"))?;
+    }
+    for Prediction { speed_scaling, caught, trials, rate_95 } in predictions {
+        let [low, high] = rate_95.map(|it| it * 100.0);
         screen::line(&format!(
-            "with these figures and speed_scaling = {speed} the arena catches {caught} of {trials} throws ({low:.0} to {high:.0} %)"
+            "with these figures and speed_scaling = {speed_scaling} the arena catches {caught} of {trials} throws ({low:.0} to {high:.0} %)"
         ))?;
     }
     Ok(())

@@ -14,8 +14,14 @@ use catch_lab::{
     recording,
     scenario::setup::{Choice, Setup},
 };
-use catch_recording::{RecordedCell, bounded_file::FileKind, drive_job::DriveJob, whole_file::COMMAND_LINE};
+use catch_recording::{
+    RecordedCell,
+    bounded_file::FileKind,
+    drive_job::DriveJob,
+    whole_file::{COMMAND_LINE, make_writable},
+};
 use clap::Args;
+use serde::Serialize;
 
 use crate::{
     screen,
@@ -30,40 +36,62 @@ const RECORDED: &str = "recorded: ";
 pub struct DriveArguments {
     /// The cell's file: `catchingbot new cell` writes one
     #[arg(value_name = "CELL.toml")]
-    cell: PathBuf,
+    pub cell: PathBuf,
     /// Nothing moves: plans are made of real images, checked and recorded
     #[arg(long)]
-    dry_run: bool,
+    pub dry_run: bool,
     /// Open a page that shows each throw as soon as it is recorded, on this machine only
     #[arg(long)]
-    watch: bool,
+    pub watch: bool,
     /// Folder for the recordings
     #[arg(long, value_name = "DIR", default_value = "out")]
-    out: PathBuf,
+    pub out: PathBuf,
+    /// Print one JSON document; what the driver says goes to standard error
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    cell: &'a Path,
+    dry_run: bool,
+    recordings: Vec<PathBuf>,
 }
 
 /// Lets the driver catch.
 ///
 /// # Errors
 /// A fault in the cell's file; a driver that is missing or fails.
-pub fn run(DriveArguments { cell, dry_run, watch, out }: &DriveArguments) -> anyhow::Result<()> {
-    start("drive", cell, out, *dry_run, *watch)
+pub fn run(arguments: &DriveArguments) -> anyhow::Result<()> {
+    let recordings = start("drive", arguments)?;
+    let DriveArguments { cell, dry_run, json, .. } = arguments;
+    if *json { screen::document(&Document { cell, dry_run: *dry_run, recordings }) } else { Ok(()) }
 }
 
-/// Reads a cell's file and all that it names.
+/// The program of a cell's driver: beside this one, on the PATH, or the path that the cell's file has.
+///
+/// # Errors
+/// If there is none.
+pub fn program(cell: &Path, links: &CellFile) -> Result<PathBuf, InputError> {
+    let driver = &links.arm.driver;
+    let beside = env::current_exe().ok().map(|it| it.with_file_name(""));
+    let path = env::var_os("PATH").unwrap_or_default();
+    let here = Path::new(driver).parent().filter(|it| !it.as_os_str().is_empty()).map(|_| PathBuf::new());
+    let folders = beside.into_iter().chain(here).chain(env::split_paths(&path));
+    let file_name = format!("{driver}{}", env::consts::EXE_SUFFIX);
+    folders.map(|it| it.join(&file_name)).find(|it| it.is_file()).ok_or_else(|| {
+        let expected = format!(
+            "a program beside catchingbot or on the PATH; `cargo install --locked --path drivers/{driver}` \
+             installs one of this project's"
+        );
+        InputError::new(cell.display(), "arm.driver", format!("no program `{driver}`"), expected)
+    })
+}
+
+/// Reads a cell's file and all that it names, with further settings of the scenario.
 ///
 /// # Errors
 /// The first fault, with file and field.
-pub fn read(path: &Path) -> Result<(CellFile, RecordedCell), InputError> {
-    let (links, setup) = setup(path, &[])?;
-    let cell = RecordedCell { cameras: setup.cameras.clone(), ..recording::cell(&setup, 0, 0) };
-    Ok((links, cell))
-}
-
-/// As [`read`], with further settings of the scenario, as an arena has it.
-///
-/// # Errors
-/// As [`read`].
 pub fn setup(path: &Path, more: &[String]) -> Result<(CellFile, Setup), InputError> {
     let file = path.display().to_string();
     let text = FileKind::toml("the file of a cell (`catchingbot new cell`)").read_text(path)?;
@@ -93,57 +121,56 @@ pub fn setup(path: &Path, more: &[String]) -> Result<(CellFile, Setup), InputErr
 }
 
 /// Starts the driver with a task, and waits for its end. A page shows what it records, if that is wanted.
+/// Returns the recordings.
 ///
 /// # Errors
 /// As [`run`].
-pub fn start(command: &str, path: &Path, out: &Path, dry_run: bool, is_watched: bool) -> anyhow::Result<()> {
-    let (links, cell) = read(path)?;
+pub fn start(command: &str, arguments: &DriveArguments) -> anyhow::Result<Vec<PathBuf>> {
+    let DriveArguments { cell: path, dry_run, out, .. } = arguments;
+    let (links, setup) = setup(path, &[])?;
+    let program = program(path, &links)?;
+    make_writable(out, "--out")?;
     let driver = links.arm.driver.clone();
     let job = out.join(format!("{command}.job"));
-    std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
-    let file = path.display().to_string();
-    let task = DriveJob { file, links, cell, out: out.to_owned(), dry_run };
+    let cell = RecordedCell { cameras: setup.cameras.clone(), ..recording::cell(&setup, 0, 0) };
+    let task = DriveJob { file: path.display().to_string(), links, cell, out: out.clone(), dry_run: *dry_run };
     task.write(&job).with_context(|| job.display().to_string())?;
-    let beside = env::current_exe().ok().map(|it| it.with_file_name(&driver)).filter(|it| it.exists());
-    let program = beside.unwrap_or_else(|| PathBuf::from(&driver));
     let mut driving = process::Command::new(&program);
     driving.arg(command).arg(&job);
-    let title = format!("{}: {}", if dry_run { "Dry run" } else { "Drive" }, path.display());
-    match if is_watched { watch_to_end(&mut driving, &title) } else { driving.status() } {
-        Ok(status) if status.success() => Ok(()),
+    let (status, recordings) = to_end(&mut driving, arguments).with_context(|| program.display().to_string())?;
+    match status.code() {
+        Some(0) => Ok(recordings),
         // It has said which field is wrong.
-        Ok(status) if status.code() == Some(2) => {
+        Some(2) => {
             let (found, expected) = (format!("{driver}, which refuses this file"), "what it said above");
-            Err(InputError::new(path.display().to_string(), "arm.driver", found, expected).into())
+            Err(InputError::new(path.display(), "arm.driver", found, expected).into())
         }
-        Ok(status) => anyhow::bail!("the driver {driver} ended: {status}"),
-        Err(fault) if fault.kind() == io::ErrorKind::NotFound => {
-            let expected = format!(
-                "a program beside catchingbot or on the PATH; `cargo install --locked --path drivers/{driver}` \
-                 installs one of this project's"
-            );
-            let file = path.display().to_string();
-            Err(InputError::new(file, "arm.driver", format!("no program `{driver}`"), expected).into())
-        }
-        Err(fault) => Err(fault).with_context(|| program.display().to_string()),
+        _ => anyhow::bail!("the driver {driver} ended: {status}"),
     }
 }
 
-/// Waits for the end of a driver, whose lines say what it has recorded; a page with this title shows it.
-fn watch_to_end(driving: &mut process::Command, title: &str) -> io::Result<process::ExitStatus> {
+/// Waits for the end of a driver, whose lines say what it has recorded.
+fn to_end(
+    driving: &mut process::Command,
+    arguments: &DriveArguments,
+) -> io::Result<(process::ExitStatus, Vec<PathBuf>)> {
     let mut driver = driving.stdout(process::Stdio::piped()).spawn()?;
-    let watch = Watch::start(true, title, None)?;
+    let title = if arguments.dry_run { "Dry run" } else { "Drive" };
+    let watch = Watch::start(arguments.watch, &format!("{title}: {}", arguments.cell.display()), None)?;
+    let mut recordings = Vec::new();
     for line in driver.stdout.take().into_iter().flat_map(|it| BufReader::new(it).lines()) {
         let line = line?;
-        if let Some((watch, recording)) = watch.as_ref().zip(line.strip_prefix(RECORDED).map(PathBuf::from)) {
-            let label = recording.display().to_string();
-            watch.thrown(label, None, move || watch::recorded(&recording));
+        if let Some(recording) = line.strip_prefix(RECORDED).map(PathBuf::from) {
+            recordings.push(recording.clone());
+            if let Some(watch) = &watch {
+                watch.thrown(recording.display().to_string(), None, move || watch::recorded(&recording));
+            }
         }
-        screen::line(&line)?;
+        if arguments.json { screen::note(&line) } else { screen::line(&line)? }
     }
     let status = driver.wait()?;
     if let Some(watch) = watch {
         watch.end();
     }
-    Ok(status)
+    Ok((status, recordings))
 }

@@ -5,7 +5,10 @@ use std::{error::Error, io, process::ExitCode};
 
 use catch_body::InputError;
 use catch_recording::whole_file::COMMAND_LINE;
-use clap::error::ContextKind;
+use clap::{
+    Command,
+    error::{ContextKind, ContextValue, ErrorKind},
+};
 use serde::Serialize;
 
 use crate::screen;
@@ -43,22 +46,51 @@ impl Failure {
         }
     }
 
-    /// Arguments that are wrong.
-    pub fn of_arguments(fault: &clap::Error) -> Self {
-        use ContextKind::{
-            InvalidArg, InvalidSubcommand, InvalidValue, PriorArg, SuggestedArg, SuggestedSubcommand, SuggestedValue,
-            ValidSubcommand, ValidValue,
+    /// Arguments that are wrong, of a command that has others.
+    pub fn of_arguments(fault: &clap::Error, command: &Command) -> Self {
+        use ContextKind::{InvalidArg, InvalidSubcommand, InvalidValue, PriorArg, ValidValue};
+        let texts = |kind| match fault.get(kind) {
+            Some(ContextValue::Strings(all)) => all.clone(),
+            Some(one) => vec![one.to_string()],
+            None => Vec::new(),
         };
-        let first = |kinds: &[ContextKind]| kinds.iter().find_map(|kind| fault.get(*kind)).map(ToString::to_string);
-        let field = first(&[InvalidArg, InvalidSubcommand]).unwrap_or_else(|| "arguments".to_owned());
-        let expected = (fault.source().map(ToString::to_string))
-            .or_else(|| first(&[ValidValue, ValidSubcommand, SuggestedValue, SuggestedArg, SuggestedSubcommand]))
-            .or_else(|| first(&[PriorArg]).map(|other| format!("not both it and {other}")))
-            .unwrap_or_else(|| "what --help says".to_owned());
         let text = fault.render().to_string();
         let error = text.trim_start_matches("error: ").trim_end().to_owned();
-        let found = first(&[InvalidValue]).or_else(|| error.lines().next().map(str::to_owned)).unwrap_or_default();
-        Self::of_faults(error, [InputError::new(COMMAND_LINE, field, found, expected)])
+        let value = texts(InvalidValue).into_iter().find(|it| !it.is_empty());
+        let prior = texts(PriorArg);
+        let told = |argument: &String| {
+            let (found, expected) = match fault.kind() {
+                ErrorKind::UnknownArgument | ErrorKind::InvalidSubcommand => {
+                    let options = command.get_arguments().filter_map(|it| it.get_long()).map(|it| format!("--{it}"));
+                    let commands = command.get_subcommands().map(|it| it.get_name().to_owned());
+                    ("an unknown argument".to_owned(), one_of(options.chain(commands)))
+                }
+                ErrorKind::ArgumentConflict if prior.contains(argument) => {
+                    ("it twice".to_owned(), "it once".to_owned())
+                }
+                ErrorKind::ArgumentConflict => {
+                    let others = prior.iter().map(|it| name(it)).collect::<Vec<_>>().join(", ");
+                    (format!("it beside {others}"), format!("it or {others}, not both"))
+                }
+                ErrorKind::TooManyValues => (value.clone().unwrap_or_default(), "no more values".to_owned()),
+                _ => {
+                    // The parsers of this program say what they expected; the others read numbers.
+                    let by_parser = fault.source().map(ToString::to_string);
+                    let by_parser = by_parser.map(|it| it.strip_prefix("expected ").unwrap_or("a number").to_owned());
+                    let values = texts(ValidValue);
+                    let expected = by_parser.or_else(|| (!values.is_empty()).then(|| one_of(values)));
+                    let found = value.clone().unwrap_or_else(|| "nothing".to_owned());
+                    (found, expected.unwrap_or_else(|| format!("a value: {argument}")))
+                }
+            };
+            InputError::new(COMMAND_LINE, name(argument), found, expected)
+        };
+        let mut arguments = [texts(InvalidArg), texts(InvalidSubcommand)].concat();
+        if arguments.is_empty() {
+            arguments.push("COMMAND".to_owned());
+        }
+        let faults: Vec<InputError> = arguments.iter().map(told).collect();
+        Self::of_faults(error, faults)
     }
 
     /// Says it on standard error and, where JSON is asked for, as a document on standard output.
@@ -70,4 +102,13 @@ impl Failure {
         }
         ExitCode::from(self.exit_code)
     }
+}
+
+/// Name of an argument without the form of its value: `--out` of `--out <DIR>`, `FILE` of `<FILE>...`.
+fn name(argument: &str) -> &str {
+    argument.split(' ').next().unwrap_or_default().trim_end_matches("...").trim_matches(['<', '>', '[', ']'])
+}
+
+fn one_of(names: impl IntoIterator<Item = String>) -> String {
+    format!("one of {}", names.into_iter().map(|it| format!("`{it}`")).collect::<Vec<_>>().join(", "))
 }

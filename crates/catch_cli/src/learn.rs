@@ -21,7 +21,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::predict::Up;
-use crate::screen;
+use crate::{screen, whole};
 
 /// Arguments of `learn`.
 #[derive(Debug, Args)]
@@ -48,7 +48,7 @@ pub struct LearnArguments {
     #[arg(long, value_name = "TEXT", default_value = "own recordings")]
     source: String,
     /// Parts for the cross-validation
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(2..=100))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole(2, 100))]
     folds: u64,
     /// Also write the tables to a Markdown file
     #[arg(long, value_name = "FILE")]

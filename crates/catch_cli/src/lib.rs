@@ -278,7 +278,13 @@ pub fn main() -> ExitCode {
     let wants_json = std::env::args_os().any(|argument| argument == "--json");
     let arguments = match command().try_get_matches().and_then(|it| Arguments::from_arg_matches(&it)) {
         Ok(arguments) => arguments,
-        Err(fault) if wants_json && fault.use_stderr() => return Failure::of_arguments(&fault).tell(true),
+        Err(fault) if wants_json && fault.use_stderr() => {
+            let mut asked = &command();
+            for argument in std::env::args().skip(1) {
+                asked = asked.find_subcommand(argument).unwrap_or(asked);
+            }
+            return Failure::of_arguments(&fault, asked).tell(true);
+        }
         Err(fault) => fault.exit(),
     };
     let Err(fault) = run(arguments) else { return ExitCode::SUCCESS };

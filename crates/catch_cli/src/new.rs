@@ -7,6 +7,7 @@ use catch_import::templates;
 use catch_lab::assets::Kind;
 use catch_recording::whole_file::write_new;
 use clap::{Args, ValueEnum};
+use serde::Serialize;
 
 use crate::screen;
 
@@ -25,6 +26,15 @@ pub struct NewArguments {
     /// Folder to put it in
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
+    /// Print one JSON document instead of the story
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    files: Vec<&'a PathBuf>,
+    try_it: String,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -80,14 +90,18 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
     let files: Vec<(PathBuf, Vec<u8>)> =
         new_files.into_iter().map(|(name, content)| (arguments.out.join(name), content.into_bytes())).collect();
     write_new(&files, "--out")?;
+    let first = files[0].0.to_string_lossy();
+    let trial: Vec<String> = trial.split(' ').map(|it| it.replace("{}", &first)).collect();
+    let trial: Vec<&str> = trial.iter().map(String::as_str).collect();
+    let try_it = screen::command(&trial);
+    if arguments.json {
+        return screen::document(&Document { files: files.iter().map(|(path, _)| path).collect(), try_it });
+    }
     for (path, _) in &files {
         screen::fact("written", &path.display().to_string())?;
     }
-    let first = files[0].0.to_string_lossy();
     if !matches!(arguments.kind, NewKind::Track | NewKind::Cloud) {
         screen::fact("is it right?", &screen::command(&["check", &first]))?;
     }
-    let trial: Vec<String> = trial.split(' ').map(|it| it.replace("{}", &first)).collect();
-    let trial: Vec<&str> = trial.iter().map(String::as_str).collect();
-    Ok(screen::fact("try it", &screen::command(&trial))?)
+    Ok(screen::fact("try it", &try_it)?)
 }

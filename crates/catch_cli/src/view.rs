@@ -166,14 +166,22 @@ fn page_of_pair(recordings: [&Path; 2], arguments: &ViewArguments) -> anyhow::Re
     let (a, b) = (a?, b?);
     let names = recordings.map(|it| it.file_stem().unwrap_or_default().to_string_lossy().into_owned());
     let folder = arguments.out.as_deref().or(recordings[0].parent()).unwrap_or(Path::new(""));
-    make_writable(folder, if arguments.out.is_some() { "--out" } else { "FILE" })?;
+    check_writable(folder, arguments)?;
     let page = folder.join(format!("{}-pair.html", names[0]));
     let [first, second] = if names[0] == names[1] { ["A", "B"] } else { [&*names[0], &names[1]] };
     whole_file::write(&page, pair_page::page([(first, &a), (second, &b)]))?;
     Ok(page)
 }
 
-fn page_of(file: &Path, ViewArguments { files, out, .. }: &ViewArguments) -> anyhow::Result<PathBuf> {
+/// Tells where the page cannot be written.
+fn check_writable(folder: &Path, arguments: &ViewArguments) -> Result<(), InputError> {
+    let asked_by = if arguments.out.is_some() { "--out" } else { "FILE" };
+    make_writable(folder, asked_by)
+        .map_err(|it| InputError { expected: format!("{}, such as --out DIR", it.expected), ..it })
+}
+
+fn page_of(file: &Path, arguments: &ViewArguments) -> anyhow::Result<PathBuf> {
+    let ViewArguments { files, out, .. } = arguments;
     let is_page = file.is_file() && file.extension().is_some_and(|it| it == "html");
     if (files.any() || out.is_some()) && (file.is_dir() || is_page) {
         let found = file.display().to_string();
@@ -193,11 +201,8 @@ fn page_of(file: &Path, ViewArguments { files, out, .. }: &ViewArguments) -> any
         return Ok(file.to_owned());
     }
     let playback = Playback::read(file)?;
-    match out {
-        Some(folder) => make_writable(folder, "--out")?,
-        None => make_writable(file.parent().unwrap_or(Path::new("")), "FILE")?,
-    }
     let beside = out.as_ref().map_or(file.to_owned(), |folder| folder.join(file.file_name().unwrap_or_default()));
+    check_writable(beside.parent().unwrap_or(Path::new("")), arguments)?;
     for path in files.write(&beside, &playback)?.values() {
         screen::line(&path.display().to_string())?;
     }

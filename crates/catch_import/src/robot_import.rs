@@ -20,7 +20,7 @@ use catch_body::{
     Gripper, InputError, JointVector, Robot,
     document::root_element,
     mesh_file::obj_text,
-    quantity,
+    quantity::{self, Quantity},
     robot::Inertia,
     robot_file::RobotFiles,
     stated::{Assumption, Stated, assumptions},
@@ -245,9 +245,10 @@ fn joint_values(
     options: &ImportOptions,
 ) -> Result<Vec<JointValues>, InputError> {
     let dof = chain.joints.len();
-    let acceleration = per_joint(&options.max_acceleration, dof, "--max-acceleration")?;
-    let rotor_inertia = per_joint(&options.rotor_inertia, dof, "--rotor-inertia")?;
-    let jerk = per_joint(&options.max_jerk, dof, "--max-jerk")?;
+    let acceleration =
+        per_joint(&options.max_acceleration, dof, "--max-acceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
+    let rotor_inertia = per_joint(&options.rotor_inertia, dof, "--rotor-inertia", quantity::ROTOR_INERTIA_KGM2)?;
+    let jerk = per_joint(&options.max_jerk, dof, "--max-jerk", quantity::JOINT_JERK_RADPS3)?;
     let joints = chain.joints.iter().enumerate().map(|(i, joint)| {
         let given = GivenValues { acceleration: acceleration[i], rotor_inertia: rotor_inertia[i], jerk: jerk[i] };
         JointValues::of(file, joint, &limits_of(limits, &joint.joint.name), &given)
@@ -255,20 +256,16 @@ fn joint_values(
     joints.collect()
 }
 
-/// Values of an option, one for each joint.
-fn per_joint(values: &[f64], dof: usize, option: &str) -> Result<Vec<Option<f64>>, InputError> {
+/// Values of an option within a range, one for each joint.
+fn per_joint(values: &[f64], dof: usize, option: &str, range: Quantity) -> Result<Vec<Option<f64>>, InputError> {
+    InputError::first_of(values.iter().map(|it| range.check(COMMAND_LINE, option, *it)))?;
     match values {
         [] => Ok(vec![None; dof]),
         [value] => Ok(vec![Some(*value); dof]),
         values if values.len() == dof => Ok(values.iter().copied().map(Some).collect()),
         values => {
-            let found = format!("{} values", values.len());
-            Err(InputError::new(
-                COMMAND_LINE,
-                option,
-                found,
-                format!("one for all joints or one for each of the {dof}"),
-            ))
+            let (found, expected) = (values.len(), format!("one for all joints or one for each of the {dof}"));
+            Err(InputError::new(COMMAND_LINE, option, format!("{found} values"), expected))
         }
     }
 }

@@ -235,7 +235,7 @@ impl Asset {
             }
             Origin::Disk(folder) => {
                 let file = folder.join(name).display().to_string();
-                let expected = format!("the file that {} names", self.file);
+                let expected = format!("the {name} of {}", self.file);
                 let bytes = FileKind::geometry(&expected).read(Path::new(&file))?;
                 Ok((file, bytes))
             }

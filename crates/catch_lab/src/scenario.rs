@@ -137,7 +137,8 @@ impl Scenario {
     pub fn with_faults(asset: &Asset) -> Result<(Self, Vec<InputError>), InputError> {
         let mut table = inheritance::extended(asset)?;
         depth_errors::fill_in(&mut table, &asset.file)?;
-        let (scenario, mut faults): (Self, _) = InputError::from_table(&asset.file, table)?;
+        let read = InputError::from_table(&asset.file, table).map_err(inheritance::with_own_field);
+        let (scenario, mut faults): (Self, _) = read?;
         faults.extend(scenario.faults(&asset.file));
         Ok((scenario, faults))
     }
@@ -175,7 +176,7 @@ impl Scenario {
             let whole = |path: &str| path.split('.').all(|field| !field.trim().is_empty());
             let (path, text) = setting.split_once('=').filter(|(path, _)| whole(path)).ok_or_else(example)?;
             // A value that is no TOML is meant as text.
-            let value = toml::from_str::<toml::Table>(&format!("value = {text}")).ok();
+            let value = InputError::toml_table(&format!("value = {text}")).ok();
             let value = value.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.trim().into());
             self = self.with_field(path, Some(value), &fault)?;
             self.name = format!("{}+{}", self.name, setting.replace(' ', ""));

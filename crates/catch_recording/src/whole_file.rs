@@ -73,12 +73,14 @@ impl Write for Unfinished {
     }
 }
 
-/// A folder beside `path` that goes away unless it is renamed.
+/// A folder beside `path`, in one that is made where there is none; it goes away unless it is renamed.
 ///
 /// # Errors
 /// If it cannot be made.
 pub fn unfinished_folder(path: &Path) -> Result<TempDir, InputError> {
-    let made = Builder::new().prefix(&prefix()).suffix(SUFFIX).tempdir_in(folder_of(path));
+    let folder = folder_of(path);
+    let made =
+        fs::create_dir_all(folder).and_then(|()| Builder::new().prefix(&prefix()).suffix(SUFFIX).tempdir_in(folder));
     made.map_err(|fault| InputError::unwritten(path.display(), &fault, PLACE))
 }
 
@@ -107,8 +109,8 @@ pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), InputError> {
     replace(path, PLACE, |file| file.write_all(content.as_ref()))
 }
 
-/// Tells before a long work whether new files can be written there; `asked_by` is the argument that names
-/// them.
+/// Tells before a long work whether new files can be written there, and leaves nothing; `asked_by` is the
+/// argument that names them.
 ///
 /// # Errors
 /// If one of them is there already, or if its folder cannot be written.
@@ -118,7 +120,14 @@ pub fn check_new<'a>(paths: impl IntoIterator<Item = &'a PathBuf>, asked_by: &st
         if fs::symlink_metadata(path).is_ok() {
             return Err(already_there(path, asked_by));
         }
-        make_writable(folder_of(path), asked_by)?;
+        let folder = folder_of(path);
+        let missing: Vec<&Path> = folder.ancestors().take_while(|it| !it.exists()).collect();
+        let tried = make_writable(folder, asked_by);
+        for made in missing {
+            // One in which somebody else has put something stays.
+            let _ = fs::remove_dir(made);
+        }
+        tried?;
     }
     Ok(())
 }

@@ -210,9 +210,19 @@ fn results_are_not_lost_by_mistake() {
             &["--trials", "1", "--resume", "--seed", "9"],
             "seed: found results of another evaluation, with 1, expected 9;",
         ),
-        (&["--trials", "1", "--resume", "--throw", "far"], "cells"),
-        (&["--trials", "1", "--resume", "--scenario", "as-published"], "cells"),
-        (&["--trials", "1", "--resume", "--set", "arena.friction=0.5"], "cells[0].arena.friction: found"),
+        (
+            &["--trials", "1", "--resume", "--throw", "far"],
+            "throw: found results of another evaluation, with \"near_sampled\", expected \"far,",
+        ),
+        (&["--trials", "1", "--resume", "--scenario", "as-published"], "scenario: found results"),
+        (
+            &["--trials", "1", "--resume", "--set", "arena.friction=0.5"],
+            "evaluation.toml: arena.friction: found results of another evaluation, with {\"max\":1.0,\"min\":0.4}, expected 0.5;",
+        ),
+        (
+            &["--trials", "1", "--resume", "--set", "arena.person={nearest_m=2,speed_mps=1}"],
+            "expected {\"nearest_m\":2.0,",
+        ),
         (&["--trials", "0"], "0"),
         (&["--trials", "1", "--throw", "near_sampled"], "twice"),
     ] {

@@ -54,6 +54,25 @@ fn nothing_is_overwritten() {
     assert_eq!(names(folder.path()), ["t"]);
 }
 
+/// A long work that is refused has made no folder for its results.
+#[test]
+fn refusals_leave_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("a/b").to_str().unwrap().to_owned();
+    for arguments in [
+        &["calibrate", "--rig", "nope"][..],
+        &["calibrate", "--set", "arena.frame_rate_hz=10000"],
+        &["place-cameras", "--scenario", "nope"],
+        &["place-cameras", "--trials", "1", "--spacing", "5"],
+        &["learn", "--tracks", "nowhere"],
+        &["robot", "import", "no.urdf"],
+    ] {
+        let output = catchingbot(&[arguments, &["--out", &out]].concat());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
+        assert!(names(folder.path()).is_empty(), "{arguments:?} left {:?}", names(folder.path()));
+    }
+}
+
 /// Files may be of no more bytes than a disk that is nearly full takes.
 #[cfg(unix)]
 #[test]
@@ -108,4 +127,18 @@ fn a_bad_place_is_wrong_input_whoever_writes_there() {
         let output = catchingbot(arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
     }
+}
+
+/// Whoever looks at a recording where nothing can be written is told of another place.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_page_that_has_no_place_is_offered_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    assert!(catchingbot(&["catch", "--scenario", "paper", "--out", out]).status.success());
+    let recording = fs::File::open(folder.path().join("paper-tennis_ball-near-1-0.catch")).unwrap();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_catchingbot"));
+    let output = command.args(["view", "/proc/self/fd/0", "--no-open"]).stdin(recording).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("a folder that can be written, such as --out DIR"), "{}", stderr(&output));
 }

@@ -113,6 +113,9 @@ fn every_command_fails_in_the_same_shape() {
         ("gripper-latency", &["no.catch"], "the file"),
         ("check", &["no.toml"], "the file"),
         ("view", &["no.catch"], "--json"),
+        ("new", &["object", "../x"], "NAME"),
+        ("drive", &["no.toml"], "the file"),
+        ("doctor", &["no.toml"], "the file"),
     ];
     let mut names = commands_with_json(&catch_cli::command(), "");
     names.sort_unstable();
@@ -130,19 +133,57 @@ fn every_command_fails_in_the_same_shape() {
 #[test]
 fn wrong_arguments_are_told_by_field() {
     for (arguments, field, found, expected) in [
-        (&["catch", "--sede", "3"][..], "--sede", "unexpected argument", "--seed"),
-        (&["--seed", "three"], "--seed <N>", "three", "a whole number from 0"),
-        (&["--method", "mine"], "--method <METHOD>", "mine", "ours, paper"),
+        (&["catch", "--sede", "3"][..], "--sede", "an unknown argument", "`--seed`"),
+        (&["frobnicate"], "frobnicate", "an unknown argument", "`catch`, `eval`"),
+        (&["object"], "--json", "an unknown argument", "one of `import`"),
+        (&["--seed", "three"], "--seed", "three", "a whole number from 0"),
+        (&["--seed"], "--seed", "nothing", "a value: --seed <N>"),
+        (&["--seed", "1", "--seed", "2"], "--seed", "it twice", "it once"),
+        (&["--seed=1", "--json=3"], "--json", "3", "no more values"),
+        (&["--method", "mine"], "--method", "mine", "one of `ours`, `paper`"),
         (&["catch", "--set", "object=nope"], "--set object", "`nope`", "one of"),
         (&["catch", "--set", "arena.step_s=7"], "arena.step_s", "7", "0.00001 to 0.002"),
-        (&["check"], "<NAME|FILE>...", "not provided", "--help"),
+        (&["check"], "NAME|FILE", "nothing", "a value: <NAME|FILE>"),
+        (&["object", "import", "x.obj"], "--out", "nothing", "a value: --out <DIR|FILE>"),
+        (&["predict", "--track", "t.csv", "--at", "soon"], "--at", "soon", "a number"),
+        (&["predict", "--track", "t", "--object", "o", "--drag", "0"], "--object", "it beside --drag", "not both"),
     ] {
         let fault = &failure(arguments)["faults"][0];
-        let texts = [("field", field), ("found", found), ("expected", expected)];
+        assert_eq!(
+            (&fault["field"], &fault["file"]),
+            (&field.into(), &"command line".into()),
+            "{arguments:?}: {fault}"
+        );
+        let texts = [("found", found), ("expected", expected)];
         assert!(texts.iter().all(|(key, hint)| fault[key].as_str().unwrap().contains(hint)), "{arguments:?}: {fault}");
     }
     let output = catchingbot(&["catch", "--set", "object=nope"]);
     assert!(stderr(&output).contains("command line: --set object: found `nope`"), "{}", stderr(&output));
+}
+
+/// What needs no computing is said at once, and leaves nothing.
+#[test]
+fn a_driver_that_is_missing_is_told_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_catchingbot")).args(arguments).current_dir(folder.path()).output().unwrap()
+    };
+    assert!(run(&["new", "cell", "c"]).status.success());
+    for arguments in [&["doctor", "c.toml"][..], &["drive", "--dry-run", "c.toml", "--out", "a/b"]] {
+        let output = run(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(stderr(&output).contains("arm.driver: found no program `catch_franka`"), "{}", stderr(&output));
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "{arguments:?}");
+    }
+    let output = run(&["check", "c.toml"]);
+    assert!(output.status.success() && stdout(&output).contains("no program `catch_franka`"), "{}", stdout(&output));
+}
+
+/// The object's own file and the brain's knowledge may be one file.
+#[test]
+fn a_foreign_field_is_told_once() {
+    let said = checked("banana", "o.toml", "name = ", "foo = 1\nname = ");
+    assert_eq!(said.matches("foo: found an unknown field").count(), 1, "{said}");
 }
 
 /// A check tells of each file besides, and of a file that is right, too.

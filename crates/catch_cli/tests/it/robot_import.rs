@@ -214,7 +214,7 @@ fn what_cannot_be_imported_is_refused_and_nothing_is_written() {
             vec![file, "--max-acceleration", "1,2"],
             "found 2 values, expected one for all joints or one for each of the 6",
         ),
-        (vec![file, "--max-jerk=-1"], "max_jerk_radps3"),
+        (vec![file, "--max-jerk=-1"], "--max-jerk: found -1, expected 0.001 to"),
         (vec!["none.urdf"], "none.urdf: the file"),
     ] {
         let output = catchingbot(&[&["robot", "import", "--no-ready", "--out", out_text], &arguments[..]].concat());

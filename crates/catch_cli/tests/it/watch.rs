@@ -109,6 +109,7 @@ fn what_a_driver_records_is_shown() {
     let driver = folder.path().join("recorder");
     fs::write(&driver, format!("#!/bin/sh\necho hold a key\necho recorded: {}\nsleep 60\n", recording.display()))
         .unwrap();
+    let quick = fs::read_to_string(&driver).unwrap().replace("sleep 60", "exit 0");
     fs::set_permissions(&driver, fs::Permissions::from_mode(0o755)).unwrap();
     let cell = folder.path().join("my_cell.toml");
     let text = fs::read_to_string(&cell).unwrap().replace("\"catch_franka\"", &format!("{driver:?}"));
@@ -119,4 +120,13 @@ fn what_a_driver_records_is_shown() {
     let seen = state_after(1, || serde_json::from_str(ask("state").split_once("\r\n\r\n").unwrap().1).unwrap());
     assert!(seen["total"].is_null() && seen["misses"] == Value::Array(Vec::new()), "nobody judges: {seen}");
     assert!(ask("throw?1").contains("<title>"), "the recording's page");
+
+    // The running shell reads on in its own file.
+    fs::remove_file(&driver).unwrap();
+    fs::write(&driver, quick).unwrap();
+    fs::set_permissions(&driver, fs::Permissions::from_mode(0o755)).unwrap();
+    let output = catchingbot().args(["drive", "my_cell.toml", "--json"]).output().unwrap();
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(document["recordings"][0], recording.to_str().unwrap());
+    assert!(String::from_utf8(output.stderr).unwrap().contains("hold a key"), "what the driver says");
 }

@@ -76,14 +76,20 @@ impl Source {
     /// # Errors
     /// A fault of the file or its link.
     pub fn read(path: &Path, link: Option<&str>, scale: Option<f64>) -> Result<Self, InputError> {
-        if path.join(depth_images::RIG).is_file() {
-            let (surface, findings) = depth_images::surface(path, scale)?;
+        let is_scan = path.join(depth_images::RIG).is_file();
+        let path = if path.is_dir() && !is_scan { within(path)? } else { path.to_path_buf() };
+        let is_description = !is_scan && ["sdf", "urdf", "xml", "mjcf"].contains(&ending(&path).as_str());
+        if let Some(link) = link.filter(|_| !is_description) {
+            let found = format!("`{link}` for {}, which has no links", path.display());
+            return Err(InputError::new(COMMAND_LINE, "--link", found, "a description, SDF or URDF, or no --link"));
+        }
+        if is_scan {
+            let (surface, findings) = depth_images::surface(&path, scale)?;
             let (file, named) = (path.display().to_string(), format!("depth images of {}", path.display()));
             return Ok(Self { file, named, surface, in_metres: true, findings, ..Self::default() });
         }
-        let path = if path.is_dir() { within(path)? } else { path.to_path_buf() };
         let named = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if !["sdf", "urdf", "xml", "mjcf"].contains(&ending(&path).as_str()) {
+        if !is_description {
             let file = path.display().to_string();
             let bytes = MESH.read(&path)?;
             if is_cloud(&path, &bytes) {

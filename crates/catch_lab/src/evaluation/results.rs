@@ -7,6 +7,7 @@
 //! written, byte for byte.
 
 use std::{
+    collections::BTreeSet,
     fmt::Display,
     fs::{self, File, OpenOptions, TryLockError},
     io::{self, BufRead, BufReader, Read, Write},
@@ -14,9 +15,12 @@ use std::{
 };
 
 use catch_body::InputError;
-use serde_json::Value;
+use serde_json::{Value, json};
 
-use crate::evaluation::{Evaluation, Identity, Row, summary_table, trial_table};
+use crate::{
+    evaluation::{Evaluation, Identity, Row, summary_table, trial_table},
+    scenario::Scenario,
+};
 use catch_recording::{
     bounded_file::FileKind,
     replay::first_differing_value,
@@ -241,18 +245,32 @@ fn compare(file: &str, found: &Identity, identity: &Identity) -> Result<(), Inpu
     if found == identity {
         return Ok(());
     }
-    let [theirs, ours] = [found, identity].map(|it| serde_json::to_value(it).unwrap_or_default());
-    let fields = ["version", "seed", "first", "cells", "throws_are_fixed", "checksums"];
-    let differing = fields.iter().find_map(|field| first_differing_value(field, &theirs[*field], &ours[*field]));
+    let (theirs, ours) = (in_words(found), in_words(identity));
+    let mut pairs = theirs.iter().zip(&ours);
+    let differing = pairs.find_map(|(theirs, ours)| first_differing_value("", theirs, ours));
     let (field, found, asked) = differing.unwrap_or_default();
-    let told = |value: Value| match value {
-        Value::Object(_) => "a table".to_owned(),
-        Value::Array(values) => format!("{} values", values.len()),
-        Value::Null => "none".to_owned(),
-        value => value.to_string(),
+    let [found, asked] = [found, asked].map(|it| if it.is_null() { "nothing".to_owned() } else { it.to_string() });
+    let found = format!("results of another evaluation, with {found}");
+    Err(InputError::new(file, field, found, format!("{asked}; or another folder")))
+}
+
+/// What an evaluation is of, in the fields in which one asks for it: those first from which others follow.
+fn in_words(identity: &Identity) -> Vec<Value> {
+    let Identity { version, seed, first, throws_are_fixed, cells, checksums } = identity;
+    let each = |name: fn(&Scenario) -> &str| {
+        let names: BTreeSet<&str> = cells.iter().map(name).collect();
+        names.into_iter().collect::<Vec<_>>().join(", ")
     };
-    let found = format!("results of another evaluation, with {}", told(found));
-    Err(InputError::new(file, field, found, format!("{}; or another folder", told(asked))))
+    let mut fields = vec![json!({ "version": version }), json!({ "seed": seed, "first": first })];
+    fields.push(json!({ "scenario": each(|it| it.name.split('+').next().unwrap_or_default()) }));
+    fields.push(json!({ "object": each(|it| &it.object), "throw": each(|it| &it.throw) }));
+    for cell in cells {
+        fields.push(cell.parts().into_iter().map(|(_, field, name)| (field, name)).collect());
+        fields.push(json!(Scenario { name: String::new(), ..cell.clone() }));
+        fields.push(json!({ "scenario": cell.name }));
+    }
+    fields.push(json!({ "throws_are_fixed": throws_are_fixed, "checksums": checksums }));
+    fields
 }
 
 /// The rows of a file that may not exist, and how many bytes they take. A last line that was cut off does not

@@ -45,7 +45,7 @@ pub fn in_folder(folder: &Path, least: usize) -> Result<Vec<PathBuf>, InputError
 }
 
 /// Reads a track, oldest sighting first, and the last time in the file. A header may stand above it; rows in
-/// which a number is missing or not a number are gaps.
+/// which a number is missing or not a number are gaps. A row that stands there twice is read once.
 ///
 /// # Errors
 /// A file that cannot be read, rows with another number of columns or with words, times that do not rise, or
@@ -62,6 +62,8 @@ pub fn read(path: &Path) -> Result<(Vec<Sighting>, f64), InputError> {
 pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError> {
     let mut sightings: Vec<Sighting> = Vec::new();
     let (mut columns, mut end_s): (Option<Columns>, f64) = (None, f64::NEG_INFINITY);
+    // The row before, and its line: recorders repeat rows.
+    let mut before = (0, "");
     for (number, line) in text.lines().enumerate() {
         let line = line.trim().trim_start_matches('\u{feff}');
         if line.is_empty() || line.starts_with('#') {
@@ -87,10 +89,14 @@ pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError>
         if !time_s.is_finite() {
             continue;
         }
-        if time_s <= end_s {
-            return Err(InputError::new(file, field, format!("t = {time_s}"), format!("a time after {end_s}")));
+        if line == before.1 {
+            continue;
         }
-        end_s = time_s;
+        if time_s <= end_s {
+            let expected = format!("a time after {end_s}, that of line {}, or the same row again", before.0);
+            return Err(InputError::new(file, field, format!("t = {time_s}"), expected));
+        }
+        (end_s, before) = (time_s, (number + 1, line));
         if !values.iter().all(|value| value.is_finite()) {
             continue;
         }
@@ -179,6 +185,7 @@ mod tests {
         assert_eq!(end_s, 0.4, "the last time in the file, seen or not");
         assert_eq!(track.iter().map(|it| it.time_s).collect::<Vec<_>>(), [0.0, 0.3]);
         assert_eq!(track[1].p, Point3::new(4.0, 5.0, 6.0));
+        assert_eq!(parse("t.csv", &format!("{text}0.5,4,5,6\n0.5,4,5,6\n")).unwrap().0.len(), 3, "a row told twice");
         let (posed, _) = parse("t.csv", "0.0,1,2,3,0,0,0,1\n").unwrap();
         assert_eq!(posed[0].rotation, Some(UnitQuaternion::identity()));
     }
@@ -211,6 +218,7 @@ mod tests {
             ("0,1,2,3\n1,1,2,3,0,0,0,1\n", "line 2"),
             ("0,1,2,3\n1,a,2,3\n", "line 2"),
             ("1,1,2,3\n0.5,1,2,3\n", "line 2"),
+            ("0,1,2,3\n\n0,1,2,4\n", "line 3: found t = 0, expected a time after 0, that of line 1"),
             ("0,1,2,3,9,0,0,1\n", "line 1"),
             ("t,x,y,z\n", "rows"),
         ] {

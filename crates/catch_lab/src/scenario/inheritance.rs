@@ -29,6 +29,12 @@ pub(super) fn extended(asset: &Asset) -> Result<Table, InputError> {
     extended_after(asset, &mut Vec::new())
 }
 
+/// A fault in a scenario's file, which may have this field besides those of a scenario.
+pub(super) fn with_own_field(fault: InputError) -> InputError {
+    let expected = fault.expected.replace("`name`, `description`", &format!("`{FIELD}`, `name`, `description`"));
+    InputError { expected, ..fault }
+}
+
 fn extended_after(asset: &Asset, before: &mut Vec<String>) -> Result<Table, InputError> {
     let mut table: Table = InputError::parse_toml(&asset.file, &asset.text)?;
     let Some(base) = table.remove(FIELD) else { return Ok(table) };
@@ -125,6 +131,7 @@ mod tests {
             ("b.toml", "extends = \"a.toml\""),
             ("number.toml", "extends = 1"),
             ("unknown.toml", "extends = \"honset\""),
+            ("foreign.toml", "extends = \"honest\"\nfoo = 1"),
             ("faulty.toml", "extends = \"honest\"\narena.friction = 1000"),
             ("upon.toml", "extends = \"faulty.toml\""),
         ] {
@@ -134,6 +141,7 @@ mod tests {
             ("a.toml", "b.toml: extends", "in turn"),
             ("number.toml", "number.toml: extends", "name of a scenario"),
             ("unknown.toml", "unknown.toml: extends", "did you mean `honest`?"),
+            ("foreign.toml", "foreign.toml: foo", "one of `extends`, `name`"),
             ("upon.toml", "faulty.toml: arena.friction", "1000"),
         ] {
             let fault = load(folder.path(), name).unwrap_err().to_string();
