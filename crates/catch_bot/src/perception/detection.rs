@@ -51,8 +51,8 @@ const SLACK: f64 = 1.5;
 const RUN: usize = 32;
 
 impl Detector {
-    /// The place that most cameras agree on, if any.
-    pub fn find(&mut self, view: &View<'_>, reference: &ReferenceModel, config: &Config) -> Option<Point3<f64>> {
+    /// Collects the blobs of all images.
+    pub fn collect(&mut self, view: &View<'_>, reference: &ReferenceModel, config: &Config) {
         let View { cameras, surroundings, .. } = *view;
         let known = self.background.clone();
         self.blobs.clear();
@@ -71,7 +71,11 @@ impl Detector {
         blobs.truncate(MAX_BLOBS);
         // Blobs of one camera one after the other, so that each camera counts once.
         blobs.sort_by_key(|it| it.camera);
+    }
 
+    /// The place that most cameras agree on, if any; its blobs are not looked at again.
+    pub fn next_place(&mut self, view: &View<'_>, reference: &ReferenceModel, config: &Config) -> Option<Point3<f64>> {
+        let blobs = &mut self.blobs;
         // Each pair of rays that meet is tried; with one blob alone its own place.
         let reach_m = reference.radius_m + BACKGROUND_MARGIN_M;
         let mut best: Option<(usize, usize, Point3<f64>)> = None;
@@ -95,8 +99,10 @@ impl Detector {
             }
         }
         let (agreeing, _, place) = best?;
-        (agreeing >= 2 || is_enough_alone(blobs, &place, reach_m, view, config))
-            .then(|| refined(blobs, &place, reach_m))
+        let is_enough = agreeing >= 2 || is_enough_alone(blobs, &place, reach_m, view, config);
+        let refined = is_enough.then(|| refined(blobs, &place, reach_m));
+        blobs.retain(|blob| !blob.passes(&place, reach_m));
+        refined
     }
 
     /// The pixels of one image that show something in front of all that is known to be there. Rays are cast

@@ -149,6 +149,9 @@ const MAX_MISMATCH: f64 = 3.0;
 /// own size.
 pub const GATE_M: f64 = 0.05;
 
+/// Places at which an object that is not tracked is looked for in one set of images.
+const MOST_PLACES: usize = 3;
+
 /// A pose explains images much better than another if its mismatch is less than this fraction.
 const MUCH_BETTER: f64 = 0.6;
 
@@ -209,16 +212,37 @@ impl ObjectFinder {
         let found = expected.map(|_| self.find_near(view, &prior, &mut register));
         let unlabelled = view.frames.iter().any(|frame| frame.mask.is_none());
         match found {
-            Some(Ok(pose)) => Ok(pose),
+            Some(Ok(pose)) if !unlabelled || pose.is_explained() => Ok(pose),
+            Some(Ok(pose)) => Ok(self.find_anywhere(view, expected, &mut register).unwrap_or(pose)),
             Some(Err(status)) if !unlabelled && status != PerceptionStatus::NoPoints => Err(status),
             _ if !unlabelled => self.find_near(view, &Prior::Anywhere, &mut register),
-            _ => {
-                let place = self.workspace.detector.find(view, &self.reference, &self.config);
-                let place = place.ok_or(PerceptionStatus::NoPoints)?;
-                let R_WO = expected.map_or(UnitQuaternion::identity(), |X_WO| X_WO.rotation);
-                self.find_near(view, &Prior::Place(Pose::from_parts(place.coords.into(), R_WO)), &mut register)
+            _ => self.find_anywhere(view, expected, &mut register),
+        }
+    }
+
+    /// Finds the object at one of the places where something is that was not there before. A thing that no
+    /// orientation of the object explains, such as a hand, is another one.
+    fn find_anywhere(
+        &mut self,
+        view: &View<'_>,
+        expected: Option<&Pose>,
+        register: &mut Register<'_>,
+    ) -> Result<ObjectPose, PerceptionStatus> {
+        let R_WO = expected.map_or(UnitQuaternion::identity(), |X_WO| X_WO.rotation);
+        self.workspace.detector.collect(view, &self.reference, &self.config);
+        let mut best = Err(PerceptionStatus::NoPoints);
+        for _ in 0..MOST_PLACES {
+            let Some(place) = self.workspace.detector.next_place(view, &self.reference, &self.config) else { break };
+            let found = self.find_near(view, &Prior::Place(Pose::from_parts(place.coords.into(), R_WO)), register);
+            let mismatch = |found: &Result<ObjectPose, _>| {
+                found.as_ref().map_or(f64::INFINITY, |it: &ObjectPose| it.silhouette_mismatch.unwrap_or_default())
+            };
+            if found.as_ref().is_ok_and(ObjectPose::is_explained) && mismatch(&found) < mismatch(&best) || best.is_err()
+            {
+                best = found;
             }
         }
+        best.and_then(|pose| if pose.is_explained() { Ok(pose) } else { Err(PerceptionStatus::NotConverged) })
     }
 
     /// Collects what may be the object where it is expected, and its silhouette where depths are noisy.
@@ -268,6 +292,13 @@ impl ObjectFinder {
             }
         };
         Ok(fit.pose(view, registered_globally))
+    }
+}
+
+impl ObjectPose {
+    /// Returns whether the silhouettes, where they were needed, are those of the object.
+    fn is_explained(&self) -> bool {
+        self.silhouette_mismatch.is_none_or(|mismatch| mismatch <= MAX_MISMATCH)
     }
 }
 

@@ -30,6 +30,8 @@ show for 0.25 s or more until 0.3 s before the catch.";
 
 /// Rigs that are reported. The first ten are those on which the foretold rates were fitted.
 const RIGS: std::ops::Range<u64> = 10..20;
+/// Throws of a kind on each rig, per trial of the page.
+const PER_TRIAL: f64 = 0.125;
 /// Parts of equal width into which foretold rates are divided.
 const BINS: usize = 5;
 /// Throws of each object on each rig.
@@ -81,23 +83,24 @@ fn cameras(kind: &CameraModel, rig: u64) -> Vec<CameraModel> {
 }
 
 /// The throws of an object on a rig, kept from an earlier run or thrown now.
-fn thrown(rig: u64, setup: Setup, options: &Options) -> Result<Vec<Thrown>> {
+fn thrown(rig: u64, setup: &Setup, options: &Options) -> Result<Vec<Thrown>> {
     let seed = options.seed + rig;
-    let name = format!("{rig}-{}-{}-{seed}-{}.json", setup.scenario.throw, setup.scenario.object, options.trials);
+    let trials = (PER_TRIAL * options.trials as f64).ceil() as u64;
+    let name = format!("{rig}-{}-{}-{seed}-{trials}.json", setup.scenario.throw, setup.scenario.object);
     let kept = PathBuf::from("target/anywhere").join(last_change(SOURCES).replace([' ', ','], "_")).join(name);
     if let Some(known) = fs::read(&kept).ok().and_then(|it| serde_json::from_slice(&it).ok()) {
         return Ok(known);
     }
     setup.prepare();
-    let config = camera_placement::Config { seed, throws: options.trials, ..Default::default() };
-    let score = PlacementStudy::new(&setup, &config)?.score(&setup.used_cameras(seed));
+    let config = camera_placement::Config { seed, throws: trials, ..Default::default() };
+    let score = PlacementStudy::new(setup, &config)?.score(&setup.used_cameras(seed));
     let result = |index: usize| {
-        let trial = trial::run_unobserved(&mut setup.brain(seed, index as u64), &setup, seed, index as u64);
+        let trial = trial::run_unobserved(&mut setup.brain(seed, index as u64), setup, seed, index as u64);
         let FlightScore { shown_by_two_s, .. } = score.flights[index];
         let foretold = foretold::chance(&score.flights[index], setup.scenario.object == "tennis_ball");
-        Thrown { caught: referee::judge(&setup, &trial).caught, shown_by_two_s, foretold }
+        Thrown { caught: referee::judge(setup, &trial).caught, shown_by_two_s, foretold }
     };
-    let thrown = parallel::map(options.trials as usize, result);
+    let thrown = parallel::map(trials as usize, result);
     fs::create_dir_all(kept.parent().context("a folder")?)?;
     fs::write(&kept, serde_json::to_vec(&thrown)?)?;
     Ok(thrown)
@@ -116,21 +119,22 @@ fn of_rig(rig: u64, options: &Options) -> Result<Vec<(&'static str, &'static str
         THROWS.into_iter().flat_map(|throw| Kind::Object.names().into_iter().map(move |object| (throw, object)));
     let all = kinds.map(|(throw, object)| {
         let setup = load(throw, object)?.sharing_calibrations(&first);
-        Ok((throw, object, thrown(rig, setup, options)?))
+        Ok((throw, object, thrown(rig, &setup, options)?))
     });
     all.collect()
 }
 
 /// Rates of some throws: caught, foretold, and caught of those that two cameras see long enough.
-fn figures<'a>(thrown: impl Iterator<Item = &'a Thrown> + Clone) -> Vec<Entry> {
-    let seen = || thrown.clone().filter(|it| it.shown_by_two_s >= SEEN_S);
-    let (all, seen_ones) = (thrown.clone().count(), seen().count());
+fn figures<'a>(thrown: impl Iterator<Item = &'a Thrown>) -> Vec<Entry> {
+    let thrown: Vec<&Thrown> = thrown.collect();
+    let seen: Vec<&&Thrown> = thrown.iter().filter(|it| it.shown_by_two_s >= SEEN_S).collect();
+    let foretold: f64 = thrown.iter().map(|it| it.foretold).sum();
     vec![
-        Entry::Count(all),
-        rate(thrown.clone().filter(|it| it.caught).count(), all),
-        Entry::Number((all > 0).then(|| 100.0 * thrown.clone().map(|it| it.foretold).sum::<f64>() / all as f64)),
-        percent(seen_ones, all),
-        rate(seen().filter(|it| it.caught).count(), seen_ones),
+        Entry::Count(thrown.len()),
+        rate(thrown.iter().filter(|it| it.caught).count(), thrown.len()),
+        Entry::Number((!thrown.is_empty()).then(|| 100.0 * foretold / thrown.len() as f64)),
+        percent(seen.len(), thrown.len()),
+        rate(seen.iter().filter(|it| it.caught).count(), seen.len()),
     ]
 }
 

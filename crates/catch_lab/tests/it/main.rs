@@ -18,6 +18,7 @@ mod random_chains;
 mod recorded_tracks;
 mod referee;
 mod robot_controller;
+mod rooms;
 mod search_passes;
 mod settings;
 mod source;
