@@ -198,7 +198,7 @@ const FEW_CAMERAS: usize = 8;
 fn notes_of_rig(asset: &Asset) -> Option<Vec<String>> {
     let cameras = catch_cell::rig_from_toml(&asset.file, &asset.text).ok().filter(|it| it.len() <= FEW_CAMERAS)?;
     let mut notes = Vec::new();
-    for object in ["tennis_ball", "banana"] {
+    for object in Kind::Object.names() {
         let choice = Choice { scenario: Some(RIG_SCENARIO), object: Some(object), ..Choice::default() };
         let mut setup = Setup::load(&choice).ok()?;
         let sheet = setup.cameras.first()?.sheet.clone();

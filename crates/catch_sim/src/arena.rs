@@ -352,7 +352,8 @@ impl Arena {
     /// Somebody throws now, where the images show who.
     fn see_thrower(&mut self, release: &Release) {
         let Shared { config, object, .. } = &*self.equipment.shared;
-        let thrower = config.thrower.then(|| Thrower::new(release, object.bounding_radius_m)).flatten();
+        let thrower =
+            config.thrower.then(|| Thrower::new(&release.p_WO, release.v_WO, object.bounding_radius_m)).flatten();
         self.sensors.cameras.thrower = thrower.map(|it| (it, self.time_s()));
     }
 

@@ -10,7 +10,6 @@ use serde::{Deserialize, Serialize};
 use crate::{
     drawn::Drawn,
     random_streams::{Draws, Stream},
-    throw::Release,
 };
 
 /// Distance that the person walks to each side of the point nearest to the arm before turning around, in
@@ -70,13 +69,14 @@ const HAND_M: f64 = 0.045;
 const SWINGS_ON_RAD: f64 = 0.8;
 
 impl Thrower {
-    /// The person who released an object of this radius; none where it was not thrown.
-    pub fn new(release: &Release, radius_m: f64) -> Option<Self> {
-        let along = Unit::try_new(release.v_WO, 0.1)?;
+    /// The person who released an object of this radius at this position and velocity; none where it was not
+    /// thrown.
+    pub fn new(p_WO: &Point3<f64>, v_WO: Vector3<f64>, radius_m: f64) -> Option<Self> {
+        let along = Unit::try_new(v_WO, 0.1)?;
         let facing = Unit::try_new(Vector3::new(along.x, along.y, 0.0), 1e-3)?;
         // The arm hangs behind the object, at a right angle to its velocity.
         let down = Unit::new_normalize(along.into_inner() * along.z - Vector3::z());
-        let hand_W = release.p_WO - along.into_inner() * (radius_m + HAND_M);
+        let hand_W = p_WO - along.into_inner() * (radius_m + HAND_M);
         let shoulder_W = hand_W - down.into_inner() * ARM_M;
         let R_WP = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), libm::atan2(facing.y, facing.x));
         let parts = body();
@@ -85,7 +85,7 @@ impl Thrower {
             X_WP: Pose::from_parts(p_WP.into(), R_WP),
             axis: Unit::new_normalize(down.cross(&along)),
             R_WA: UnitQuaternion::rotation_between(&-Vector3::z(), &down).unwrap_or_default(),
-            speed_radps: release.v_WO.norm() / ARM_M,
+            speed_radps: v_WO.norm() / ARM_M,
             parts,
         })
     }
@@ -203,28 +203,22 @@ mod tests {
     /// The hand is behind the object when that leaves it, as fast as it is, and then falls behind.
     #[test]
     fn a_thrower_s_hand_moves_with_the_object_and_lets_go() {
-        let release = Release {
-            p_WO: Point3::new(1.5, 2.0, 0.9),
-            v_WO: Vector3::new(-2.0, -2.5, 2.0),
-            q_WO: UnitQuaternion::identity(),
-            omega_WO: Vector3::zeros(),
-            path: None,
-        };
-        let thrower = Thrower::new(&release, 0.035).unwrap();
+        let (p_WO, v_WO) = (Point3::new(1.5, 2.0, 0.9), Vector3::new(-2.0, -2.5, 2.0));
+        let thrower = Thrower::new(&p_WO, v_WO, 0.035).unwrap();
         let hand_W = |since_s: f64| {
             let (X_WB, _) = thrower.parts(since_s).nth(THROWING).unwrap();
             X_WB * Point3::new(0.0, 0.0, -ARM_M)
         };
-        let behind_m = |since_s: f64| (release.p_WO + release.v_WO * since_s - hand_W(since_s)).norm();
+        let behind_m = |since_s: f64| (p_WO + v_WO * since_s - hand_W(since_s)).norm();
         assert!((behind_m(0.0) - 0.08).abs() < 1e-9);
         let speed = (hand_W(1e-6) - hand_W(0.0)) / 1e-6;
-        assert!((speed - release.v_WO).norm() < 1e-3, "{speed}");
+        assert!((speed - v_WO).norm() < 1e-3, "{speed}");
         assert!(behind_m(0.05) > 0.1 && behind_m(0.1) > 0.17);
         // Upright, and before the throw nowhere.
         let heights = thrower.parts(0.0).map(|(X_WB, _)| X_WB.translation.z);
-        assert!(heights.fold(0.0, f64::max) < release.p_WO.z + 1.1);
+        assert!(heights.fold(0.0, f64::max) < p_WO.z + 1.1);
         assert_eq!(thrower.parts(-0.01).count(), 0);
-        assert!(Thrower::new(&Release { v_WO: Vector3::zeros(), ..release }, 0.035).is_none());
+        assert!(Thrower::new(&p_WO, Vector3::zeros(), 0.035).is_none());
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! Depths of all that the cameras see before anything flies: of the arm that waits, of known obstacles and the
-//! floor, and of what the first images show besides.
+//! Depths of all that the cameras see before anything flies: of the arm that waits, of known obstacles and
+//! the floor, and of what the first images show besides.
 
 use std::sync::Arc;
 

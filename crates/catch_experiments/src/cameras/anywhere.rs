@@ -94,10 +94,11 @@ fn thrown(rig: u64, setup: &Setup, options: &Options) -> Result<Vec<Thrown>> {
     setup.prepare();
     let config = camera_placement::Config { seed, throws: trials, ..Default::default() };
     let score = PlacementStudy::new(setup, &config)?.score(&setup.used_cameras(seed));
+    let is_round = foretold::is_round(setup);
     let result = |index: usize| {
         let trial = trial::run_unobserved(&mut setup.brain(seed, index as u64), setup, seed, index as u64);
         let FlightScore { shown_by_two_s, .. } = score.flights[index];
-        let foretold = foretold::chance(&score.flights[index], setup.scenario.object == "tennis_ball");
+        let foretold = foretold::probability(&score.flights[index], is_round);
         Thrown { caught: referee::judge(setup, &trial).caught, shown_by_two_s, foretold }
     };
     let thrown = parallel::map(trials as usize, result);
@@ -114,7 +115,7 @@ fn of_rig(rig: u64, options: &Options) -> Result<Vec<(&'static str, &'static str
         setup.cameras = cameras(&setup.cameras[0], rig);
         Ok(setup)
     };
-    let first = load(THROWS[0], "tennis_ball")?;
+    let first = load(THROWS[0], Kind::Object.names()[0])?;
     let kinds =
         THROWS.into_iter().flat_map(|throw| Kind::Object.names().into_iter().map(move |object| (throw, object)));
     let all = kinds.map(|(throw, object)| {

@@ -6,7 +6,13 @@
 //! the logarithms of both standard deviations.
 
 use super::{Config, FlightScore};
-use crate::scenario::setup::Setup;
+use crate::{
+    assets::{Asset, Kind},
+    scenario::{
+        Scenario,
+        setup::{DEFAULT_SCENARIO, Setup},
+    },
+};
 
 /// Logits of balls and of other objects that are known to 1 mm at both times: for others the orientation
 /// counts, too.
@@ -15,24 +21,28 @@ const AT_1_MM: [f64; 2] = [2.50, 0.99];
 const LOST: [f64; 2] = [0.51, 0.57];
 /// A ball's narrowest extent is its diameter, to this fraction.
 const ROUND: f64 = 0.9;
-/// Arm and hand with which the rates were found.
-const FOUND_WITH: (&str, &str) = ("iiwa14", "wsg50");
-
-/// The chance that each throw is caught, averaged; none for other arms and hands, and for other times.
+/// The probability that each throw is caught, averaged; none for other arms and hands, and for other times.
 pub(super) fn rate(setup: &Setup, config: &Config, flights: &[FlightScore]) -> Option<f64> {
-    let (scenario, times) = (&setup.scenario, |it: &Config| (it.decision_s, it.closing_s));
-    if (scenario.robot.as_str(), scenario.gripper.as_str()) != FOUND_WITH || times(config) != times(&Config::default())
-    {
+    let times = |it: &Config| (it.decision_s, it.closing_s);
+    // The rates were found with the arm and the hand of this scenario.
+    let usual = Asset::built_in(Kind::Scenario, DEFAULT_SCENARIO).and_then(|it| Scenario::of_asset(&it)).ok()?;
+    let has = |it: &Scenario| (it.robot.clone(), it.gripper.clone());
+    if has(&setup.scenario) != has(&usual) || times(config) != times(&Config::default()) {
         return None;
     }
-    let object = &setup.object;
-    let is_round = object.mesh.aabb().size.min() > ROUND * 2.0 * object.bounding_radius_m;
-    let chances = flights.iter().map(|it| chance(it, is_round));
-    (!flights.is_empty()).then(|| chances.sum::<f64>() / flights.len() as f64)
+    let is_round = is_round(setup);
+    let probabilities = flights.iter().map(|it| probability(it, is_round));
+    (!flights.is_empty()).then(|| probabilities.sum::<f64>() / flights.len() as f64)
 }
 
-/// The chance that a throw is caught.
-pub fn chance(flight: &FlightScore, is_round: bool) -> f64 {
+/// Returns whether the thrown object is a ball.
+pub fn is_round(setup: &Setup) -> bool {
+    let object = &setup.object;
+    object.mesh.aabb().size.min() > ROUND * 2.0 * object.bounding_radius_m
+}
+
+/// The probability that a throw is caught.
+pub fn probability(flight: &FlightScore, is_round: bool) -> f64 {
     let lost = LOST[0] * libm::log(1e3 * flight.decision_sd_m) + LOST[1] * libm::log(1e3 * flight.closing_sd_m);
     1.0 / (1.0 + libm::exp(lost - AT_1_MM[usize::from(!is_round)]))
 }
@@ -46,10 +56,10 @@ mod tests {
     fn better_known_throws_are_caught_more_often() {
         let of = |mm: f64| FlightScore { shown_by_two_s: 0.0, decision_sd_m: 2e-3 * mm, closing_sd_m: 1e-3 * mm };
         for is_round in [false, true] {
-            let chances = [0.3, 1.0, 3.0, 10.0, 100.0].map(|mm| chance(&of(mm), is_round));
-            assert!(chances.is_sorted_by(|a, b| a > b) && chances.iter().all(|it| (0.0..1.0).contains(it)));
+            let probabilities = [0.3, 1.0, 3.0, 10.0, 100.0].map(|mm| probability(&of(mm), is_round));
+            assert!(probabilities.is_sorted_by(|a, b| a > b) && probabilities.iter().all(|it| (0.0..1.0).contains(it)));
         }
-        assert!(chance(&of(1.0), true) > chance(&of(1.0), false));
+        assert!(probability(&of(1.0), true) > probability(&of(1.0), false));
     }
 
     #[test]

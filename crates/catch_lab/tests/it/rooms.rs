@@ -15,7 +15,6 @@ fn setup(settings: &[&str]) -> Setup {
         "flight_rig=d435_lab",
         "arena.depth.model=near_stereo",
         "arena.floor_visible=true",
-        "arena.person={ nearest_m = 2.5, speed_mps = 1.0 }",
         "brain.perception.floor_visible=true",
     ];
     let settings: Vec<String> = own.iter().chain(settings).map(|&it| it.to_owned()).collect();
@@ -48,10 +47,13 @@ fn quiet(setup: &Setup) -> (Vec<Status>, bool) {
 
 #[test]
 fn furniture_is_an_object_only_to_who_has_not_seen_it_before() {
-    let (statuses, moved) = quiet(&setup(&["brain.perception.background_images=10"]));
+    const LEARNS: &str = "brain.perception.background_images=10";
+    let (statuses, moved) = quiet(&setup(&[LEARNS]));
     assert!(!moved && statuses.iter().all(|it| *it == Status::NoObject), "{statuses:?}");
     let (statuses, _) = quiet(&setup(&[]));
     assert!(statuses.iter().any(|it| *it != Status::NoObject), "{statuses:?}");
+    let (statuses, moved) = quiet(&setup(&[LEARNS, "arena.person={ nearest_m = 2.5, speed_mps = 1.0 }"]));
+    assert!(!moved, "nobody threw anything: {statuses:?}");
 }
 
 /// The first observation has images from before the throw, without the thrower; the others are as ever.
