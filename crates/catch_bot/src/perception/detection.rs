@@ -146,7 +146,6 @@ impl Detector {
     fn add_blobs(&mut self, frame: &DepthFrame, camera: &CameraModel, reference: &ReferenceModel, config: &Config) {
         let (columns, rows) = (frame.window.width as usize, frame.window.height as usize);
         let (left, top) = (frame.window.left as usize, frame.window.top as usize);
-        let deep_m = reference.radius_m as f32;
         self.is_free.resize(self.is_free.len().max(frame.window.area()), false);
         for &i in &self.candidates {
             self.is_free[i as usize] = true;
@@ -175,7 +174,7 @@ impl Detector {
                 for neighbour_row in row.saturating_sub(1)..=(row + 1).min(rows - 1) {
                     for neighbour in across.clone().map(|column| neighbour_row * columns + column) {
                         let apart_m = (frame.depth_m[neighbour] - frame.depth_m[i]).abs();
-                        if apart_m < deep_m && std::mem::take(&mut self.is_free[neighbour]) {
+                        if f64::from(apart_m) < reference.radius_m && std::mem::take(&mut self.is_free[neighbour]) {
                             self.stack.push(neighbour as u32);
                         }
                     }
