@@ -446,7 +446,7 @@ mod tests {
         let right = read("size_m = [1, 0.5, 2.0]\nprofile_m = [[0.0, 0.1]]\nratio = 1").unwrap();
         assert_eq!(right, File { size_m: [1.0, 0.5, 2.0], ratio: Some(1.0), profile_m: vec![[0.0, 0.1]], width_px: 1 });
         for (text, said) in [
-            ("", "the file: found nothing, expected a file with a value of `size_m`, among others"),
+            ("", "size_m: found an empty file, expected "),
             ("size_m = [1, 1, 1, 7]", "size_m: found [1, 1, 1, 7], expected a list of 3"),
             ("size_m = [1, 1]", "size_m: found [1, 1], expected a list of 3"),
             ("size_m = [1, 1e300, 1]", "size_m[1]: found 1e300, expected 0.001 to 2 m"),

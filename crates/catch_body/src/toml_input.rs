@@ -80,8 +80,7 @@ impl InputError {
             };
             let substitute = fault.complete(&root);
             if root.as_table().is_some_and(toml::Table::is_empty) {
-                let expected = format!("a file with a value of `{}`, among others", fault.field());
-                return Err(Self::new(file, "the file", "nothing", expected));
+                return Err(Self::new(file, fault.field(), "an empty file", &fault.expected));
             }
             faults.push(Self::new(file, fault.field(), &fault.found, &fault.expected));
             match substitute.zip(at(&mut root, &fault.path)) {
