@@ -104,6 +104,11 @@ impl Visitor<'_> for Whole {
         let is_within = self.0.contains(value as f64);
         if is_within { Ok(value) } else { Err(E::invalid_value(Unexpected::Unsigned(value), &self.0)) }
     }
+
+    fn visit_i64<E: Error>(self, value: i64) -> Result<u64, E> {
+        let unsigned = u64::try_from(value).map_err(|_| E::invalid_type(Unexpected::Signed(value), &self))?;
+        self.visit_u64(unsigned)
+    }
 }
 
 macro_rules! whole_numbers {

@@ -22,7 +22,7 @@ use catch_lab::{
     assets::{Asset, KNOWN_FILE, Kind},
     camera_placement,
     scenario::{
-        Scenario, flight_rig,
+        Scenario,
         setup::{Choice, Setup},
     },
 };
@@ -251,7 +251,7 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
         Kind::Camera => DataSheet::from_toml(file, text).map(drop),
         Kind::Throw => asset.throw().map(drop),
         Kind::Workcell => Workcell::from_toml(file, text).map(drop),
-        Kind::Rig => flight_rig::read(file, text).map(drop),
+        Kind::Rig => catch_cell::rig_from_toml(file, text).map(drop),
     };
     result.err().into_iter().flat_map(InputError::all).collect()
 }
