@@ -231,7 +231,7 @@ fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
         "90 %",
         "at the\nclosing",
         "90 %",
-        "caught as\nforetold, %",
+        "expected\ncaught, %",
     ];
     let mut table = screen::table(headings, 1..9);
     for it in &document.rigs {
@@ -244,7 +244,7 @@ fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
             format!("{:.2}", it.decision_sd_90_m * 1e3),
             format!("{:.2}", it.closing_sd_median_m * 1e3),
             format!("{:.2}", it.closing_sd_90_m * 1e3),
-            it.score.foretold.map_or("–".to_owned(), |it| format!("{:.0}", it * 100.0)),
+            it.score.expected_rate.map_or("–".to_owned(), |it| format!("{:.0}", it * 100.0)),
         ]);
     }
     screen::line(&table.trim_fmt())?;

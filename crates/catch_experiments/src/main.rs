@@ -9,6 +9,7 @@ mod cameras;
 mod catch_rates;
 mod flights;
 mod grippers_and_arms;
+mod kept;
 mod mistold;
 mod objects;
 mod peers;

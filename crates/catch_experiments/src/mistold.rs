@@ -1,9 +1,7 @@
 //! Cost of a wrong belief: one figure of the brain's model wrong at a time, on the same throws as with the
 //! right one.
 
-use std::{fs, path::PathBuf};
-
-use anyhow::{Context, Result};
+use anyhow::Result;
 use catch_body::TriangleMesh;
 use catch_body::statistics::paired95;
 use catch_cell::reference_scan;
@@ -16,8 +14,8 @@ use catch_lab::{
 use nalgebra::Vector3;
 
 use crate::{
-    Findings, Options,
-    results::{Entry, Table, last_change},
+    Findings, Options, kept,
+    results::{Entry, Table},
     spread::percent,
 };
 
@@ -27,16 +25,6 @@ with the wrong belief less the right one's, in points of all throws, before the 
 mass* of the object is beside that of uniform density, which the brain expects: this row alone changes the world. Parts of a run that was ended are kept in \
 `target/mistold`.";
 
-/// Sources that throws depend on.
-const SOURCES: &[&str] = &[
-    "assets",
-    "crates/catch_body",
-    "crates/catch_bot",
-    "crates/catch_cell",
-    "crates/catch_lab/src",
-    "crates/catch_recording",
-    "crates/catch_sim",
-];
 /// Parts of the throws that are evaluated and kept together.
 const PART: u64 = 10;
 /// A change of a setup before anything is prepared.
@@ -117,33 +105,21 @@ impl Case<'_> {
         let mut setup =
             Setup::load(&Choice { scenario: Some(self.scenario), object: Some(self.object), ..Choice::default() })?;
         change(&mut setup);
-        let mut caught = Vec::new();
+        let mut caught: Vec<bool> = Vec::new();
         for first in (0..trials).step_by(PART as usize) {
             let count = PART.min(trials - first);
-            let kept = self.file(seed, first);
-            let known: Option<Vec<bool>> = fs::read(&kept).ok().and_then(|it| serde_json::from_slice(&it).ok());
-            if let Some(part) = known.filter(|it| it.len() as u64 == count) {
-                caught.extend(part);
-                continue;
-            }
-            setup.prepare();
-            let part = parallel::map(count as usize, |i| {
-                let index = first + i as u64;
-                let trial = trial::run_unobserved(&mut setup.brain(seed, index), &setup, seed, index);
-                referee::judge(&setup, &trial).caught
-            });
-            fs::create_dir_all(kept.parent().context("a folder")?)?;
-            fs::write(&kept, serde_json::to_vec(&part)?)?;
-            caught.extend(part);
+            let Self { scenario, object, belief, value } = self;
+            let name = format!("{scenario}-{object}-{belief}-{value}-{seed}-{first}-{count}");
+            caught.extend(kept::part("mistold", &name, || {
+                setup.prepare();
+                Ok(parallel::map(count as usize, |i| {
+                    let index = first + i as u64;
+                    let trial = trial::run_unobserved(&mut setup.brain(seed, index), &setup, seed, index);
+                    referee::judge(&setup, &trial).caught
+                }))
+            })?);
         }
         Ok(caught)
-    }
-
-    /// Returns the file of a part of its throws; each commit has a folder of its own.
-    fn file(&self, seed: u64, first: u64) -> PathBuf {
-        let Self { scenario, object, belief, value } = self;
-        let name = format!("{scenario}-{object}-{belief}-{value}-{seed}-{first}.json").replace([' ', '/'], "_");
-        PathBuf::from("target/mistold").join(last_change(SOURCES).replace([' ', ','], "_")).join(name)
     }
 
     fn row(&self, object: &str, [pairs, right, gained, lost]: [usize; 4]) -> Vec<Entry> {

@@ -13,7 +13,7 @@
 //! greedy and then exchanges cameras as long as that helps (Fedorov, Theory of optimal experiments, 1972).
 
 mod arm_view;
-pub mod foretold;
+pub mod expected_rate;
 
 use catch_body::{
     InputError, Pose, dynamics,
@@ -101,7 +101,7 @@ pub struct Score {
     /// Fraction of the arm's joints that each camera shows, over random postures.
     pub arm_shown: Vec<f64>,
     /// Catch rate that is expected of the throws; none where nothing is known of arm and hand.
-    pub foretold: Option<f64>,
+    pub expected_rate: Option<f64>,
     /// Accuracy of the prediction of each throw.
     #[serde(skip)]
     pub flights: Vec<FlightScore>,
@@ -137,13 +137,13 @@ impl Score {
             middle_m * 1e3,
             high_m * 1e3
         );
-        let rate = self.foretold.map(|it| format!("; {:.0} % are expected to be caught", it * 100.0));
+        let rate = self.expected_rate.map(|it| format!("; {:.0} % are expected to be caught", it * 100.0));
         let known = known + &rate.unwrap_or_default();
         if SURE_SD * high_m <= margin_m {
             return known;
         }
         let too_little = format!("too little for fingers that leave {:.0} mm on each side", margin_m * 1e3);
-        let placed = rate_of_placed(setup).filter(|it| Some(*it) > self.foretold);
+        let placed = rate_of_placed(setup).filter(|it| Some(*it) > self.expected_rate);
         let rate = placed.map_or("better poses".to_owned(), |it| format!("poses for {:.0} %", it * 100.0));
         format!("{known}: {too_little}; `catchingbot place-cameras` finds {rate}")
     }
@@ -154,7 +154,7 @@ impl Score {
 fn rate_of_placed(setup: &Setup) -> Option<f64> {
     let config = Config { cameras: setup.cameras.len(), ..Config::default() };
     let study = PlacementStudy::new(setup, &config).ok()?;
-    study.score(&study.place(setup.cameras.first()?).ok()?.cameras).foretold
+    study.score(&study.place(setup.cameras.first()?).ok()?.cameras).expected_rate
 }
 
 /// What some cameras know of the throws of a setup.
@@ -280,7 +280,7 @@ impl<'a> PlacementStudy<'a> {
             shown_by_two: fraction(by_two),
             shown: sights.iter().map(shown).collect(),
             arm_shown: cameras.iter().map(|camera| arm_view::shown(camera, &self.joints)).collect(),
-            foretold: foretold::rate(self.setup, self.config, &flights),
+            expected_rate: expected_rate::rate(self.setup, self.config, &flights),
             flights,
         }
     }

@@ -133,7 +133,7 @@ pub struct Identity {
 /// Checksums (CRC-32) of the contents of what a scenario names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Checksums {
-    /// Checksum of the files of arm, gripper and workcell.
+    /// Checksum of the files of arm, gripper and workcell, and of the room.
     pub robot_gripper_workcell: u32,
     /// Checksum of the cameras.
     pub flight_rig: u32,
@@ -146,7 +146,7 @@ pub struct Checksums {
 impl Checksums {
     fn of(setup: &Setup) -> Self {
         Self {
-            robot_gripper_workcell: checksum(&setup.sources),
+            robot_gripper_workcell: checksum(&(&setup.sources, &setup.room)),
             flight_rig: checksum(&setup.cameras),
             object: checksum(&(&setup.object, &setup.known_object)),
             throw: checksum(&setup.throw),

@@ -34,6 +34,19 @@ pub struct Release {
     pub path: Option<Arc<RecordedFlight>>,
 }
 
+impl Release {
+    /// An object that rests where neither cameras nor arm are: nothing flies.
+    pub fn out_of_sight() -> Self {
+        Self {
+            p_WO: Point3::new(45.0, 45.0, 0.3),
+            v_WO: Vector3::zeros(),
+            q_WO: UnitQuaternion::identity(),
+            omega_WO: Vector3::zeros(),
+            path: None,
+        }
+    }
+}
+
 /// A throw or a distribution of throws, as its file gives it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Throw {

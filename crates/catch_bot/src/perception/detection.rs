@@ -54,7 +54,7 @@ impl Detector {
     /// Collects the blobs of all images.
     pub fn collect(&mut self, view: &View<'_>, reference: &ReferenceModel, config: &Config) {
         let View { cameras, surroundings, .. } = *view;
-        let known = self.background.clone();
+        let known = std::mem::take(&mut self.background);
         self.blobs.clear();
         for (index, frame) in
             view.seen().filter(|(_, frame)| frame.mask.is_none() && frame.depth_m.len() >= frame.window.area())
@@ -71,6 +71,7 @@ impl Detector {
         blobs.truncate(MAX_BLOBS);
         // Blobs of one camera one after the other, so that each camera counts once.
         blobs.sort_by_key(|it| it.camera);
+        self.background = known;
     }
 
     /// The place that most cameras agree on, if any; its blobs are not looked at again.

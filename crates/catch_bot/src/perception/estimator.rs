@@ -230,19 +230,19 @@ impl ObjectFinder {
     ) -> Result<ObjectPose, PerceptionStatus> {
         let R_WO = expected.map_or(UnitQuaternion::identity(), |X_WO| X_WO.rotation);
         self.workspace.detector.collect(view, &self.reference, &self.config);
-        let mut best = Err(PerceptionStatus::NoPoints);
+        let (mut best, mut status) = (None::<ObjectPose>, PerceptionStatus::NoPoints);
         for _ in 0..MOST_PLACES {
             let Some(place) = self.workspace.detector.next_place(view, &self.reference, &self.config) else { break };
-            let found = self.find_near(view, &Prior::Place(Pose::from_parts(place.coords.into(), R_WO)), register);
-            let mismatch = |found: &Result<ObjectPose, _>| {
-                found.as_ref().map_or(f64::INFINITY, |it: &ObjectPose| it.silhouette_mismatch.unwrap_or_default())
-            };
-            if found.as_ref().is_ok_and(ObjectPose::is_explained) && mismatch(&found) < mismatch(&best) || best.is_err()
-            {
-                best = found;
+            match self.find_near(view, &Prior::Place(Pose::from_parts(place.coords.into(), R_WO)), register) {
+                Err(fault) => status = fault,
+                Ok(pose) if !pose.is_explained() => status = PerceptionStatus::NotConverged,
+                Ok(pose) if best.is_none_or(|it| pose.silhouette_mismatch < it.silhouette_mismatch) => {
+                    best = Some(pose);
+                }
+                Ok(_) => {}
             }
         }
-        best.and_then(|pose| if pose.is_explained() { Ok(pose) } else { Err(PerceptionStatus::NotConverged) })
+        best.ok_or(status)
     }
 
     /// Collects what may be the object where it is expected, and its silhouette where depths are noisy.

@@ -78,7 +78,7 @@ impl KnownBackground {
 
     /// Learns the background from the first images of each camera. Returns whether there was any such image.
     pub fn learn(&mut self, view: &View<'_>, config: &Config) -> bool {
-        let Some(limits) = &mut self.limits else { return false };
+        let Some(limits) = self.limits.as_mut().filter(|_| config.background_images > 0) else { return false };
         let mut learns = false;
         for (_, frame) in view.seen().filter(|(_, frame)| frame.mask.is_none()) {
             let Some(camera) = view.cameras.get(frame.camera) else { continue };

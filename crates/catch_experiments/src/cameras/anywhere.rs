@@ -1,14 +1,12 @@
 //! Rigs that nobody placed: two cameras somewhere around the arm, calibrated on it, and how well their catch
-//! rates are foretold.
+//! rates are expected.
 
-use std::{fs, path::PathBuf};
-
-use anyhow::{Context, Result};
+use anyhow::Result;
 use catch_body::pose::look_at;
 use catch_cell::CameraModel;
 use catch_lab::{
     assets::Kind,
-    camera_placement::{self, FlightScore, PlacementStudy, foretold},
+    camera_placement::{self, PlacementStudy, expected_rate},
     parallel, referee,
     scenario::setup::{Choice, Setup},
     trial,
@@ -18,46 +16,36 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Options,
-    results::{Entry, Table, last_change},
+    Options, kept,
+    results::{Entry, Table},
     spread::{percent, rate},
 };
 
 pub const LEGEND: &str = "\n\nTwo cameras *anywhere* stand on tripods that nobody placed, in the scenario `lab`: 1.5 to 3.5 m from the base in any direction, 0.8 to 2.5 m high, looking at \
 the working space. Images are those of a RealSense D435 or D455 (848×480, 90 Hz) or of an Orbbec Femto Bolt (640×576, 30 Hz), depth errors those of `lab`. The \
-arm calibrates each rig. Rates of all throws stand with what `place-cameras` foretells of them; it was fitted to ten other rigs. *Seen* are throws that two cameras \
+arm calibrates each rig. Rates of all throws stand with what `place-cameras` expects of them, which was fitted to ten other rigs. *Seen* are throws that two cameras \
 show for 0.25 s or more until 0.3 s before the catch.";
 
-/// Rigs that are reported. The first ten are those on which the foretold rates were fitted.
+/// Rigs that are reported. The first ten are those to which the expected rates were fitted.
 const RIGS: std::ops::Range<u64> = 10..20;
 /// Throws of a kind on each rig, per trial of the page.
 const PER_TRIAL: f64 = 0.125;
-/// Parts of equal width into which foretold rates are divided.
+/// Parts of equal width into which expected rates are divided.
 const BINS: usize = 5;
 /// Throws of each object on each rig.
 const THROWS: [&str; 2] = ["random", "by_hand"];
 /// Time for which two cameras have to see a flight, in seconds.
 const SEEN_S: f64 = 0.25;
 
-/// Sources that throws depend on.
-const SOURCES: &[&str] = &[
-    "assets",
-    "crates/catch_body",
-    "crates/catch_bot",
-    "crates/catch_cell",
-    "crates/catch_lab/src",
-    "crates/catch_sim",
-];
-
 /// Width, height, focal length in pixels, and images a second.
 const IMAGES: [(u32, u32, f64, f64); 3] = [(848, 480, 433.0, 90.0), (848, 480, 433.0, 90.0), (640, 576, 504.0, 30.0)];
 
-/// One throw: what was foretold, and what came of it.
+/// One throw: what was expected, and what came of it.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Thrown {
     caught: bool,
     shown_by_two_s: f64,
-    foretold: f64,
+    expected: f64,
 }
 
 /// Two cameras 1.5 to 3.5 m from the base and 0.8 to 2.5 m high, which look at the working space.
@@ -82,29 +70,21 @@ fn cameras(kind: &CameraModel, rig: u64) -> Vec<CameraModel> {
     vec![camera(), camera()]
 }
 
-/// The throws of an object on a rig, kept from an earlier run or thrown now.
+/// The throws of an object on a rig.
 fn thrown(rig: u64, setup: &Setup, options: &Options) -> Result<Vec<Thrown>> {
     let seed = options.seed + rig;
     let trials = (PER_TRIAL * options.trials as f64).ceil() as u64;
-    let name = format!("{rig}-{}-{}-{seed}-{trials}.json", setup.scenario.throw, setup.scenario.object);
-    let kept = PathBuf::from("target/anywhere").join(last_change(SOURCES).replace([' ', ','], "_")).join(name);
-    if let Some(known) = fs::read(&kept).ok().and_then(|it| serde_json::from_slice(&it).ok()) {
-        return Ok(known);
-    }
     setup.prepare();
     let config = camera_placement::Config { seed, throws: trials, ..Default::default() };
     let score = PlacementStudy::new(setup, &config)?.score(&setup.used_cameras(seed));
-    let is_round = foretold::is_round(setup);
+    let is_round = expected_rate::is_round(setup);
     let result = |index: usize| {
         let trial = trial::run_unobserved(&mut setup.brain(seed, index as u64), setup, seed, index as u64);
-        let FlightScore { shown_by_two_s, .. } = score.flights[index];
-        let foretold = foretold::probability(&score.flights[index], is_round);
-        Thrown { caught: referee::judge(setup, &trial).caught, shown_by_two_s, foretold }
+        let flight = &score.flights[index];
+        let expected = expected_rate::probability(flight, is_round);
+        Thrown { caught: referee::judge(setup, &trial).caught, shown_by_two_s: flight.shown_by_two_s, expected }
     };
-    let thrown = parallel::map(trials as usize, result);
-    fs::create_dir_all(kept.parent().context("a folder")?)?;
-    fs::write(&kept, serde_json::to_vec(&thrown)?)?;
-    Ok(thrown)
+    Ok(parallel::map(trials as usize, result))
 }
 
 /// All throws of a rig, by throw and object.
@@ -120,28 +100,29 @@ fn of_rig(rig: u64, options: &Options) -> Result<Vec<(&'static str, &'static str
         THROWS.into_iter().flat_map(|throw| Kind::Object.names().into_iter().map(move |object| (throw, object)));
     let all = kinds.map(|(throw, object)| {
         let setup = load(throw, object)?.sharing_calibrations(&first);
-        Ok((throw, object, thrown(rig, &setup, options)?))
+        let name = format!("{rig}-{throw}-{object}-{}-{}", options.seed, options.trials);
+        Ok((throw, object, kept::part("anywhere", &name, || thrown(rig, &setup, options))?))
     });
     all.collect()
 }
 
-/// Rates of some throws: caught, foretold, and caught of those that two cameras see long enough.
+/// Rates of some throws: caught, expected, and caught of those that two cameras see long enough.
 fn figures<'a>(thrown: impl Iterator<Item = &'a Thrown>) -> Vec<Entry> {
     let thrown: Vec<&Thrown> = thrown.collect();
     let seen: Vec<&&Thrown> = thrown.iter().filter(|it| it.shown_by_two_s >= SEEN_S).collect();
-    let foretold: f64 = thrown.iter().map(|it| it.foretold).sum();
+    let expected: f64 = thrown.iter().map(|it| it.expected).sum();
     vec![
         Entry::Count(thrown.len()),
         rate(thrown.iter().filter(|it| it.caught).count(), thrown.len()),
-        Entry::Number((!thrown.is_empty()).then(|| 100.0 * foretold / thrown.len() as f64)),
+        Entry::Number((!thrown.is_empty()).then(|| 100.0 * expected / thrown.len() as f64)),
         percent(seen.len(), thrown.len()),
         rate(seen.iter().filter(|it| it.caught).count(), seen.len()),
     ]
 }
 
-/// Each rig, each throw, and how reliable the foretold rates are.
+/// Each rig, each throw, and how reliable the expected rates are.
 pub fn tables(options: &Options) -> Result<Vec<Table>> {
-    const FIGURES: [&str; 5] = ["throws", "caught, %", "foretold, %", "seen, %", "caught of these, %"];
+    const FIGURES: [&str; 5] = ["throws", "caught, %", "expected, %", "seen, %", "caught of these, %"];
     let columns = |first: &[&'static str]| [first, &FIGURES].concat();
     let mut by_rig = Table::new("Two cameras anywhere, by rig", &columns(&["rig", "object"])).across("object");
     let mut by_throw = Table::new("Two cameras anywhere, by throw", &columns(&["throw", "object"]));
@@ -160,16 +141,16 @@ pub fn tables(options: &Options) -> Result<Vec<Table>> {
         }
     }
     by_throw.rows.push([vec![Entry::text("all"), Entry::text("all")], figures(thrown().flat_map(|it| &it.2))].concat());
-    let mut reliability = Table::new("Foretold and found", &["foretold", "throws", "foretold, %", "found, %"]);
+    let mut reliability = Table::new("Expected and found", &["expected", "throws", "expected, %", "found, %"]);
     for bin in 0..BINS {
         let those =
-            thrown().flat_map(|it| &it.2).filter(|it| ((it.foretold * BINS as f64) as usize).min(BINS - 1) == bin);
+            thrown().flat_map(|it| &it.2).filter(|it| ((it.expected * BINS as f64) as usize).min(BINS - 1) == bin);
         let [from, to] = [bin, bin + 1].map(|it| 100 * it / BINS);
-        let [throws, found, foretold, ..] = &figures(those)[..] else { continue };
+        let [throws, found, expected, ..] = &figures(those)[..] else { continue };
         reliability.rows.push(vec![
             Entry::Text(format!("{from} to {to} %")),
             throws.clone(),
-            foretold.clone(),
+            expected.clone(),
             found.clone(),
         ]);
     }

@@ -10,7 +10,6 @@ use catch_lab::{
     trial,
 };
 use catch_sim::{Arena, Release};
-use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use crate::{
     Options,
@@ -26,8 +25,6 @@ const QUIET_S: f64 = 2.0;
 /// Throws of an object per trial of the page: a room takes ten times as long as none. Scenes in which nothing
 /// flies.
 const PER_TRIAL: [f64; 2] = [0.2, 0.25];
-/// Position of an object that no camera sees.
-const OUT_OF_SIGHT_M: [f64; 3] = [45.0, 45.0, 0.3];
 
 fn setup(scenario: &str, object: &str) -> Result<Setup> {
     let setup = Setup::load(&Choice { scenario: Some(scenario), object: Some(object), ..Choice::default() })?;
@@ -37,15 +34,8 @@ fn setup(scenario: &str, object: &str) -> Result<Setup> {
 
 /// Images in which nothing flies, and whether the arm moved.
 fn quiet(setup: &Setup, seed: u64, index: u64) -> (usize, bool) {
-    let release = Release {
-        p_WO: Point3::from(OUT_OF_SIGHT_M),
-        v_WO: Vector3::zeros(),
-        q_WO: UnitQuaternion::identity(),
-        omega_WO: Vector3::zeros(),
-        path: None,
-    };
     let waiting = (&setup.robot.ready_q, setup.waiting_width_m());
-    let mut arena = Arena::new(setup.equipment(), &release, waiting, seed, index);
+    let mut arena = Arena::new(setup.equipment(), &Release::out_of_sight(), waiting, seed, index);
     arena.show_before(setup.scenario.brain.perception.background_images);
     let (mut brain, mut images) = (setup.brain(seed, index), 0);
     loop {

@@ -255,7 +255,8 @@ impl Flight {
         let is_free = |X_WO: &Pose| {
             let at = Point3::from(X_WO.translation.vector);
             let middle = Capsule { from: at, to: at, radius: 0.0 };
-            at.z > FLOOR_Z_M && setup.robot.obstacles.iter().all(|obstacle| obstacle.distance_to_capsule(&middle) > 0.0)
+            let mut solids = setup.robot.obstacles.iter().chain(&setup.room);
+            at.z > FLOOR_Z_M && solids.all(|solid| solid.distance_to_capsule(&middle) > 0.0)
         };
         let in_flight = flight.take(longest).take_while(|(X_WO, _)| is_free(X_WO));
         // The hand goes where the object's middle is, the origin of O.

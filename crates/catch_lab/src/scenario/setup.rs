@@ -251,6 +251,7 @@ impl Setup {
     pub fn arena(&self, seed: u64, index: u64) -> Arena {
         let waiting = (&self.robot.ready_q, self.waiting_width_m());
         let mut arena = Arena::new(self.equipment(), &self.release(seed, index), waiting, seed, index);
+        // Nobody throws before the brain has seen what it wants to see.
         arena.show_before(self.scenario.brain.perception.background_images);
         arena
     }

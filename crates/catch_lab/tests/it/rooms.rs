@@ -5,7 +5,6 @@ use catch_bot::Status;
 use catch_cell::{Brain, Cell, Observation};
 use catch_lab::scenario::setup::{Choice, Setup};
 use catch_sim::{Arena, Release};
-use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 /// A room seen by near cameras whose poses are known.
 fn setup(settings: &[&str]) -> Setup {
@@ -23,15 +22,8 @@ fn setup(settings: &[&str]) -> Setup {
 
 /// The statuses of a brain while nothing flies, and whether the arm moved.
 fn quiet(setup: &Setup) -> (Vec<Status>, bool) {
-    let release = Release {
-        p_WO: Point3::new(45.0, 45.0, 0.3),
-        v_WO: Vector3::zeros(),
-        q_WO: UnitQuaternion::identity(),
-        omega_WO: Vector3::zeros(),
-        path: None,
-    };
     let waiting = (&setup.robot.ready_q, setup.waiting_width_m());
-    let mut arena = Arena::new(setup.equipment(), &release, waiting, 3, 0);
+    let mut arena = Arena::new(setup.equipment(), &Release::out_of_sight(), waiting, 3, 0);
     arena.show_before(setup.scenario.brain.perception.background_images);
     let mut brain = setup.brain(3, 0);
     let (mut statuses, mut moved) = (Vec::new(), false);

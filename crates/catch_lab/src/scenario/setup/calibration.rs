@@ -23,8 +23,6 @@ use nalgebra::{Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
 use super::{Knowledge, Setup};
 use crate::scenario::CalibrationSettings;
 
-/// Position of the thrown object during a calibration, out of the cameras' range.
-const OUT_OF_SIGHT_M: [f64; 3] = [45.0, 45.0, 0.3];
 /// No flight takes longer than this, in seconds.
 const LONGEST_FLIGHT_S: f64 = 2.0;
 /// No session takes longer than this, in seconds.
@@ -83,7 +81,7 @@ pub fn check_memory(setup: &Setup, config: &Config, (file, field): (&str, &str))
     let base_W = Point3::from(robot.X_WB.translation.vector);
     let links_m: f64 = robot.joints.iter().map(|it| it.X_PL.translation.vector.norm()).sum();
     let reach_m = links_m + (robot.X_LG * gripper.grasp_centre()).coords.norm() + AROUND_M;
-    let is_alone = !setup.scenario.arena.floor_visible && robot.obstacles.is_empty();
+    let is_alone = !setup.scenario.arena.floor_visible && robot.obstacles.is_empty() && setup.room.is_empty();
     let window = |camera: &CameraModel| {
         let centre_C = camera.X_WC.inverse_transform_point(&base_W);
         if is_alone && centre_C.z > reach_m { camera.window_around(&centre_C, reach_m) } else { camera.full_window() }
@@ -119,15 +117,8 @@ pub fn run_session(
     let planner = MotionPlanner::new(setup.robot.clone(), setup.gripper.clone(), settings);
     let poses = choose_poses(config, &planner, &setup.gripper, guesses);
     let mut run = CalibrationRun::new(config.clone(), planner, guesses, poses.clone());
-    let release = Release {
-        p_WO: Point3::from(OUT_OF_SIGHT_M),
-        v_WO: Vector3::zeros(),
-        q_WO: UnitQuaternion::identity(),
-        omega_WO: Vector3::zeros(),
-        path: None,
-    };
     let waiting = (&setup.robot.ready_q, setup.gripper.max_width_m);
-    let mut arena = Arena::new(setup.equipment(), &release, waiting, seed, index);
+    let mut arena = Arena::new(setup.equipment(), &Release::out_of_sight(), waiting, seed, index);
     let mut now_s = 0.0;
     while !run.is_done() && now_s < LONGEST_S {
         let Ok(mut observation) = arena.sense();

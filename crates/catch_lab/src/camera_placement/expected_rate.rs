@@ -1,9 +1,9 @@
-//! Foretold catch rates: how often throws are caught that a rig knows so well.
+//! Expected catch rates: how often throws are caught that a rig knows so well.
 //!
 //! Two cameras that stand close together, or far away, know a throw to centimetres when the catch is decided,
-//! and few of these are caught. How few was found out on ten rigs drawn at random and on `d435_lab`, with the
-//! built-in objects (`catch_experiments -- cameras`, which reports ten other rigs): a logistic regression on
-//! the logarithms of both standard deviations.
+//! and few of these are caught. How few says a logistic regression on the logarithms of both standard
+//! deviations. It was fitted to throws of the built-in objects on ten rigs drawn at random, 15 of each kind,
+//! and on `d435_lab`; `catch_experiments -- cameras` reports ten other rigs.
 
 use super::{Config, FlightScore};
 use crate::{
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_foretold_of_what_was_not_measured() {
+    fn nothing_is_expected_of_what_was_not_measured() {
         let rate = |robot: Option<&str>, object, config: &Config| {
             let setup = Setup::load(&Choice { robot, object, ..Choice::default() }).unwrap();
             let flight = FlightScore { shown_by_two_s: 0.3, decision_sd_m: 1e-3, closing_sd_m: 1e-3 };
