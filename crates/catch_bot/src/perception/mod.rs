@@ -155,8 +155,8 @@ pub enum PerceptionStatus {
     NoReference,
 }
 
-/// Buffers of an [`ObjectFinder`], kept so that finding an object need not allocate. Nothing but the background that the
-/// first images have shown is carried from one call to the next.
+/// Buffers of an [`ObjectFinder`], kept so that finding an object need not allocate. Nothing but the
+/// background that the first images have shown is carried from one call to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
     scene: SceneCloud,
