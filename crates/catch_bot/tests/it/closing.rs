@@ -31,12 +31,14 @@ proptest! {
         let closing = Closing { speed_mps: 0.1, acceleration_mps2: 1.0 };
         let (object_m, step_s) = (0.03, 2.5e-6);
         let wait_s = closing.wait_s(Fingers { width_m, rate_mps }, aperture_m, object_m, contact_in_s);
-        // Goes to the aperture as fast as it may and stops there, then closes, in small steps.
+        // Goes to the aperture as fast as it may and stops there, then closes, in small steps. What is left
+        // when it brakes from v at 1 m/s², step by step, is v²/2 + v·step/2.
         let (mut at_m, mut at_mps, mut time_s) = (width_m, rate_mps, 0.0);
         while at_m > object_m {
             let (target_m, closes) = if time_s < wait_s { (aperture_m, false) } else { (-1.0, true) };
             let ahead_m: f64 = target_m - at_m;
-            let most_mps = if closes { 0.1 } else { (2.0 * ahead_m.abs()).sqrt().min(0.1).min(ahead_m.abs() / step_s) };
+            let braking_mps = ((step_s * step_s + 8.0 * ahead_m.abs()).sqrt() - step_s) / 2.0;
+            let most_mps = if closes { 0.1 } else { braking_mps.min(0.1) };
             at_mps += (most_mps.copysign(ahead_m) - at_mps).clamp(-step_s, step_s);
             at_m += at_mps * step_s;
             time_s += step_s;
