@@ -56,10 +56,8 @@ pub struct Gripper {
     #[serde(default)]
     pub drive: Drive,
     /// Parts of the gripper in the paper's simulator.
-    #[serde(default)]
     pub published: Option<PublishedParts>,
     /// Surfaces as cameras see them; housing and fingers are seen as boxes without.
-    #[serde(default)]
     pub visuals: Option<GripperVisuals>,
     /// True if the gripper is simulated with its published parts.
     #[serde(skip)]

@@ -15,7 +15,6 @@ pub struct CellFile {
     /// Gripper: a built-in name or a file.
     pub gripper: String,
     /// Surroundings of the arm: a built-in name or a file.
-    #[serde(default)]
     pub workcell: Option<String>,
     /// Object that is thrown: a built-in name or a file.
     pub object: String,
@@ -27,7 +26,6 @@ pub struct CellFile {
     /// Link to the arm.
     pub arm: ArmLink,
     /// Link to the gripper, where it has one of its own.
-    #[serde(default)]
     pub hand: Option<HandLink>,
     /// Link to the cameras.
     pub cameras: CameraLink,
@@ -55,7 +53,6 @@ pub struct ArmLink {
 #[serde(deny_unknown_fields)]
 pub struct HandLink {
     /// Protocol that it speaks, by a name of the arm's driver. By default: the driver's first.
-    #[serde(default)]
     pub driver: Option<String>,
     /// Network address.
     pub address: String,

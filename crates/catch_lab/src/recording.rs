@@ -62,7 +62,6 @@ pub struct GroundTruth {
     #[serde(default = "Point3::origin")]
     pub com_O: Point3<f64>,
     /// Position of that point at the last planned catch if nothing had touched the object.
-    #[serde(default)]
     pub undisturbed_m: Option<Point3<f64>>,
 }
 

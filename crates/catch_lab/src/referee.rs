@@ -132,7 +132,6 @@ pub struct Row {
     #[serde(flatten)]
     pub verdict: Verdict,
     /// Conditions drawn for the object and its flight; tables of older versions do not have them.
-    #[serde(default)]
     pub conditions: Option<FlightConditions>,
 }
 

@@ -26,7 +26,6 @@ pub struct Sources {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub gripper_meshes: Meshes,
     /// The workcell's file, where there is one.
-    #[serde(default)]
     pub workcell_toml: Option<String>,
     /// Scaling of the arm's velocity and acceleration limits.
     pub limit_scale: LimitScale,

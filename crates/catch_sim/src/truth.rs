@@ -19,10 +19,8 @@ pub struct Truth {
     /// Time at which the disturbance of the world began.
     pub disturbed_since_s: Option<f64>,
     /// Drawn conditions of the throw; older recordings have none.
-    #[serde(default)]
     pub conditions: Option<ThrowConditions>,
     /// Largest ratios to the arm's limits before anything touched the gripper; later ones include the impact.
-    #[serde(default)]
     pub before_contact: Option<PeakRatios>,
 }
 

@@ -129,11 +129,9 @@ pub struct ObjectPose {
     pub residual_m: f64,
     /// Mean square of the points' residuals in standard deviations: the mismatch between object and points.
     /// `None` where no depth shows its shape.
-    #[serde(default)]
     pub points_mismatch: Option<f64>,
     /// Mean square of the silhouette rays' residuals in standard deviations, where these were needed. Known
     /// objects are distinguished by one of the two mismatches, not by one against the other.
-    #[serde(default)]
     pub silhouette_mismatch: Option<f64>,
     /// Iterations that it took.
     pub iterations: usize,

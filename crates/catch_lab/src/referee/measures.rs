@@ -14,7 +14,6 @@ pub struct Measures {
     pub prediction_error_m: Option<f64>,
     /// Error of the object's orientation at the catch in the last prediction before it, modulo rotations
     /// under which the object looks the same.
-    #[serde(default)]
     pub prediction_rotation_error_rad: Option<f64>,
     /// Errors of the position predicted [`LEADS_S`] before the catch, where there was a prediction by then.
     #[serde(default)]
@@ -28,27 +27,20 @@ pub struct Measures {
     pub grasp_rotation_error_rad: Option<f64>,
     /// Time from the undisturbed object's closest approach to the grasp centre to the instant midway between
     /// the first contacts of the two fingers.
-    #[serde(default)]
     pub contact_delay_s: Option<f64>,
     /// Speed of the object relative to the gripper at the catch.
     pub relative_speed_mps: Option<f64>,
     /// Fraction of that speed that points at a finger, along x of G.
-    #[serde(default)]
     pub sideways_fraction: Option<f64>,
     /// Fraction of it that points at the palm, along −y of G.
-    #[serde(default)]
     pub palm_fraction: Option<f64>,
     /// Width of the object between the fingers in the planned grasp.
-    #[serde(default)]
     pub grasp_width_m: Option<f64>,
     /// Distance of the object's centre beyond the grasp centre, away from the palm, in the planned grasp.
-    #[serde(default)]
     pub grasp_overhang_m: Option<f64>,
     /// "Strength" of the planned grasp: the centre's distance from the gripper's y axis.
-    #[serde(default)]
     pub grasp_strength_m: Option<f64>,
     /// Set if the object enters the open gripper on the planned approach without contact.
-    #[serde(default)]
     pub approach_is_free: Option<bool>,
     /// Sum over the joints of how far each moved from the ready pose to the catch.
     pub joint_travel_rad: Option<f64>,
@@ -57,17 +49,13 @@ pub struct Measures {
     #[serde(default)]
     pub peak_contact_impulse_ns: f64,
     /// The object's impulse on the gripper in the first 20 ms after the first contact, in N·s.
-    #[serde(default)]
     pub catch_impulse_ns: Option<f64>,
     /// Largest joint impulse Jᵀ·(impulse of the catch and its moment), of any joint, in N·m·s.
-    #[serde(default)]
     pub catch_joint_impulse_nms: Option<f64>,
     /// Largest ratio of the impact, averaged over 5 ms, to the contact at which the maker's controller stops:
     /// at a joint or at the hand. Above 1 it would have stopped.
-    #[serde(default)]
     pub contact_stop_ratio: Option<f64>,
     /// Joint of that ratio, from 1 on; none if it is the ratio at the hand.
-    #[serde(default)]
     pub contact_stop_joint: Option<usize>,
     /// Highest velocity of a joint over its limit, impacts included.
     pub peak_velocity_ratio: f64,
