@@ -6,6 +6,7 @@ use catch_bot::{
     trajectory_prediction::{
         Config, FlightPredictor, FlightTrajectory, PredictionStatus,
         ransac::{self, Rotation, SAMPLES, Sampling, TieBreak},
+        sampled,
     },
 };
 use serde::{Deserialize, Serialize};
@@ -54,7 +55,7 @@ impl FlightPredictor for RansacPredictor {
         poses: &[ObjectPose],
         _: Option<&FlightTrajectory>,
     ) -> Result<FlightTrajectory, PredictionStatus> {
-        let window = self.config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
+        let window = sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
         ransac::best_flight(window, &self.symmetry, self.sampling, &self.config, &mut self.scratch)
     }
 }

@@ -293,7 +293,7 @@ pub struct CatchSearch {
     /// Earliest times of the gripper's poses, if they were prepared.
     reach_map: Option<Arc<ReachMap>>,
     /// Distance between the catch times that are tried, in seconds.
-    time_step_s: f64,
+    pub time_step_s: f64,
 }
 
 impl CatchSearch {
@@ -309,12 +309,6 @@ impl CatchSearch {
     /// kinds](ReachMap::serves) need it to be quick.
     pub fn new(motion: MotionPlanner, reach_map: Option<Arc<ReachMap>>) -> Self {
         Self { motion, reach_map, time_step_s: TIME_STEP_S }
-    }
-
-    /// Sets another distance between the catch times that are tried, in seconds.
-    #[must_use]
-    pub fn with_time_step_s(self, time_step_s: f64) -> Self {
-        Self { time_step_s, ..self }
     }
 
     /// Departure time of an arm that is about to move from the ready pose of the map, in seconds on the

@@ -16,7 +16,7 @@ use super::{
     motion::{BRAKING_ACCELERATION_FRACTION, LimitScaling},
     quadratic_program::ProgramFailure,
     reachability::{Interval, ReachableSet},
-    terminal_velocity::{Following, TerminalVelocity, Weights, terminal_velocity},
+    terminal_velocity::{FOLLOWING, TerminalVelocity, Weights, terminal_velocity},
 };
 use crate::trajectory_prediction::LocalFlight;
 
@@ -51,7 +51,7 @@ pub struct PointToPoint<'a> {
     pub weights: Weights,
     /// Weights with which the hand follows the object, and the gripper's orientation in W then; `None` if it
     /// keeps to the object's direction.
-    pub following: Option<(Rotation3<f64>, Following)>,
+    pub following: Option<(Rotation3<f64>, Vector3<f64>)>,
     /// True if a braking spline is to follow.
     pub brakes: bool,
     /// Counts what fails numerically.
@@ -276,7 +276,7 @@ impl MotionPlanner {
             jacobian: self.robot.jacobian(&X_WL, &(X_WG * self.gripper.grasp_centre())),
             scaling,
             weights: Weights::BALANCED,
-            following: Some((X_WG.rotation.to_rotation_matrix(), Following::DEFAULT)),
+            following: Some((X_WG.rotation.to_rotation_matrix(), FOLLOWING)),
             brakes: true,
             failures: incoming.failures,
         }

@@ -9,7 +9,7 @@
 //! ```
 //! s = 0 is always consistent with J_v q̇ = 0. What moves across the gripper is held badly. So here the hand
 //! follows the object across its approach (x and z of G) as fast as it can, and along it (y) at s_max. All of
-//! it is soft, with a weight W_i each ([`Following`]):
+//! it is soft, with a weight W_i each ([`FOLLOWING`]):
 //!
 //! ```text
 //!     min   Σ W_i·(R_GW J_v q̇ − (v_x, s_max·v_y, v_z))_i² + b·|J_ω q̇|² + ε·|q̇|²,   low ≤ q̇ ≤ high
@@ -25,6 +25,9 @@ use super::{
     reachability::Interval,
 };
 
+/// Keeps the program strictly convex along the redundancy, ε.
+pub const DAMPING: f64 = 1e-3;
+
 /// Weights of the choice among the joint velocities that keep the direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weights {
@@ -33,35 +36,21 @@ pub struct Weights {
     /// Weight of the square of the gripper's angular velocity, b; a gripper that rotates at 3 rad/s is 33 mm
     /// off the flight line 60 ms before the catch.
     pub spin: f64,
-    /// Keeps the program strictly convex along the redundancy, ε.
-    pub damping: f64,
 }
 
 impl Weights {
     /// Speed and spin in balance.
-    pub const BALANCED: Self = Self { speed: 20.0, spin: 0.1, damping: 1e-3 };
+    pub const BALANCED: Self = Self { speed: 20.0, spin: 0.1 };
     /// A gripper that does not turn before all: what flies in straight then finds it open.
-    pub const STEADY: Self = Self { speed: 20.0, spin: 20.0, damping: 1e-3 };
+    pub const STEADY: Self = Self { speed: 20.0, spin: 20.0 };
     /// Speed before all.
-    pub const FASTEST: Self = Self { speed: 1e6, spin: 0.01, damping: 1e-3 };
+    pub const FASTEST: Self = Self { speed: 1e6, spin: 0.01 };
 }
 
 /// Weights with which the hand follows the object: on the square of the remaining relative velocity along
-/// each axis of G, per (m/s)².
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Following {
-    /// Weight along the direction of closing, x.
-    pub closing: f64,
-    /// Weight along the approach, y.
-    pub approach: f64,
-    /// Across the gap, z.
-    pub gap: f64,
-}
-
-impl Following {
-    /// Default weights: a velocity toward a finger counts most. Chosen on 600 throws of `honest`.
-    pub const DEFAULT: Self = Self { closing: 8.0, approach: 0.8, gap: 0.8 };
-}
+/// each axis of G, per (m/s)²: closing, approach, and across the gap. A velocity toward a finger counts most.
+/// Chosen on 600 throws of `honest`.
+pub const FOLLOWING: Vector3<f64> = Vector3::new(8.0, 0.8, 0.8);
 
 /// Joint velocities at the catch and what they do to the gripper.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,7 +86,7 @@ pub fn terminal_velocity(
     v_WO: &Vector3<f64>,
     bounds: &[Interval; MAX_JOINTS],
     weights: &Weights,
-    following: Option<&(Rotation3<f64>, Following)>,
+    following: Option<&(Rotation3<f64>, Vector3<f64>)>,
 ) -> Result<TerminalVelocity, ProgramFailure> {
     const S: usize = MAX_JOINTS;
     let angular = jacobian.fixed_rows::<3>(0);
@@ -105,16 +94,16 @@ pub fn terminal_velocity(
     let mut H = Square::identity();
     H.fixed_view_mut::<MAX_JOINTS, MAX_JOINTS>(0, 0).copy_from(&(angular.transpose() * angular * weights.spin));
     for i in 0..MAX_JOINTS {
-        H[(i, i)] += weights.damping;
+        H[(i, i)] += DAMPING;
     }
     H[(S, S)] = weights.speed;
     let mut gradient = Variables::zeros();
     gradient[S] = -weights.speed * MAX_SPEED_FRACTION;
-    if let Some((R_WG, Following { closing, approach, gap })) = following {
+    if let Some((R_WG, weights)) = following {
         let wanted = R_WG.inverse() * v_WO;
         let wanted = Vector3::new(wanted.x, wanted.y * MAX_SPEED_FRACTION, wanted.z);
         let axes = R_WG.matrix().transpose() * linear;
-        let weighted = axes.transpose() * Matrix3::from_diagonal(&Vector3::new(*closing, *approach, *gap));
+        let weighted = axes.transpose() * Matrix3::from_diagonal(weights);
         let mut joints = H.fixed_view_mut::<MAX_JOINTS, MAX_JOINTS>(0, 0);
         joints += weighted * axes;
         gradient.fixed_rows_mut::<MAX_JOINTS>(0).copy_from(&(weighted * -wanted));

@@ -13,7 +13,7 @@ use nalgebra::{Cholesky, Const, Matrix3, Rotation3, SMatrix, SVector, Unit, Unit
 use serde::{Deserialize, Serialize};
 
 use super::{
-    AerodynamicForces, Config, FlightTrajectory, LEAST_DRAG_PER_M,
+    AerodynamicForces, Config, FIT_WINDOW, FlightTrajectory, LEAST_DRAG_PER_M,
     correlated_error::CorrelatedSums,
     process_noise::{add_product, after_impulse, lost_square},
 };
@@ -175,7 +175,7 @@ impl<'a> Model<'a> {
     /// the trapezoid rule, the velocity along the flight as it was fitted.
     fn rows(&self, poses: &[ObjectPose], flight: &FlightTrajectory, rows: &mut Vec<Row>) -> ByForces {
         rows.clear();
-        rows.reserve(self.config.considered.fit_window);
+        rows.reserve(FIT_WINDOW);
         let mut v = flight.v_WOcm;
         let mut tumbling = flight.tumbling();
         let newest = self.accelerations(&flight.R_WO, &v, &flight.w_WO, 1.0);

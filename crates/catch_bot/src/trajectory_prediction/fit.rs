@@ -14,7 +14,7 @@ use catch_body::Pose;
 use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
 
 use super::{
-    AerodynamicForces, Config, FlightTrajectory, PredictionStatus,
+    AerodynamicForces, Config, FIT_WINDOW, FlightTrajectory, PredictionStatus, WINDOW,
     correlated_error::CorrelatedSums,
     flight::Motion,
     ransac::{is_finite, reach_m},
@@ -122,9 +122,9 @@ impl Problem<'_> {
             let before = state;
             state = state.moved(&step, config);
             agreeing = if step_sd < LINEAR_SD {
-                self.advance(&state.since(&before), config.considered.window, scratch)
+                self.advance(&state.since(&before), WINDOW, scratch)
             } else {
-                self.linearize(&state, config.considered.window, scratch)
+                self.linearize(&state, WINDOW, scratch)
             };
             let shrunk = self.typical_error(good, scratch).clamp(0.3, scale.max(1.0));
             let converged = step_sd < STEP_SD && shrunk > 0.7 * scale;
@@ -164,8 +164,8 @@ impl Problem<'_> {
     fn linearize(&self, state: &State, window: usize, scratch: &mut Scratch) -> usize {
         scratch.rows.clear();
         // Room for as many poses as there will ever be, so that it is made once.
-        scratch.rows.reserve(self.config.considered.fit_window);
-        scratch.squares.reserve(self.config.considered.fit_window);
+        scratch.rows.reserve(FIT_WINDOW);
+        scratch.squares.reserve(FIT_WINDOW);
         let start = Tumbling::new(state.R_WO, &state.w, self.inertia.as_ref()).decaying(state.decay_per_s);
         // A decay that is known has no part in the fit.
         let decays = self.config.aerodynamics.spin_decay_sd_per_s > 0.0;
@@ -217,7 +217,7 @@ impl Problem<'_> {
                 row.mixed = pose.information.fixed_view::<3, 3>(0, 3).into_owned();
             }
             row.weigh(turns, &self.config.process_noise);
-            agreeing += usize::from(age < window && row.shift.norm() < reach_m(pose, self.config));
+            agreeing += usize::from(age < window && row.shift.norm() < reach_m(pose));
             scratch.rows.push(row);
         }
         agreeing
@@ -237,7 +237,7 @@ impl Problem<'_> {
                 row.turn -= row.by_rotation * rotation;
             }
             row.weigh(turns, &self.config.process_noise);
-            agreeing += usize::from(age < window && row.shift.norm() < reach_m(pose, self.config));
+            agreeing += usize::from(age < window && row.shift.norm() < reach_m(pose));
         }
         agreeing
     }

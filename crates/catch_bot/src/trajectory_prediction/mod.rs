@@ -60,9 +60,6 @@ pub struct Config {
     pub aerodynamics: AerodynamicPrior,
     /// Disturbances that no model of the flight covers. None by default, as in the paper's simulator.
     pub process_noise: ProcessNoise,
-    /// Poses that are considered. No setting of a file: tracks that hold few or noisy points have others.
-    #[serde(skip)]
-    pub considered: Considered,
 }
 
 impl Default for Config {
@@ -76,31 +73,18 @@ impl Default for Config {
             com_sd_m: None,
             aerodynamics: AerodynamicPrior::default(),
             process_noise: ProcessNoise::default(),
-            considered: Considered::default(),
         }
     }
 }
 
-/// Poses of a throw from which a flight is found, and tolerances within which poses agree with it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Considered {
-    /// Poses before there is a first flight.
-    pub first_after: usize,
-    /// Newest poses at most that sampling looks at.
-    pub window: usize,
-    /// Newest poses at most that the fit looks at.
-    pub fit_window: usize,
-    /// A pose agrees with a flight within this distance, in metres.
-    pub inlier_m: f64,
-}
-
-impl Default for Considered {
-    /// First flights and distances are those of the original; sampling looks at 30 poses (paper, III-B), the
-    /// fit at a second of them, since each adds information.
-    fn default() -> Self {
-        Self { first_after: 6, window: 30, fit_window: 100, inlier_m: 0.01 }
-    }
-}
+/// Poses before there is a first flight (original).
+pub const FIRST_AFTER: usize = 6;
+/// Newest poses at most that sampling looks at (paper, III-B).
+const WINDOW: usize = 30;
+/// Newest poses at most that the fit looks at: a second of them, since each adds information.
+const FIT_WINDOW: usize = 100;
+/// A pose agrees with a flight within this distance, in metres (original).
+const INLIER_M: f64 = 0.01;
 
 impl Config {
     /// Drag constant that is expected, in 1/m.
@@ -122,13 +106,16 @@ impl Config {
     fn com_sd_m(&self) -> f64 {
         self.com_sd_m.unwrap_or_default()
     }
+}
 
-    /// The newest poses, at which sampling looks, oldest first; `None` before there are enough for a first
-    /// flight.
-    pub fn sampled<'a>(&self, poses: &'a [ObjectPose]) -> Option<&'a [ObjectPose]> {
-        let window = &poses[poses.len() - self.considered.window.max(2).min(poses.len())..];
-        (window.len() >= self.considered.first_after.max(2)).then_some(window)
-    }
+/// The newest poses, at which sampling looks, oldest first; `None` before there are enough for a flight.
+pub fn sampled(poses: &[ObjectPose]) -> Option<&[ObjectPose]> {
+    (poses.len() >= FIRST_AFTER).then(|| newest(poses, WINDOW))
+}
+
+/// The newest poses, so many at most.
+fn newest(poses: &[ObjectPose], most: usize) -> &[ObjectPose] {
+    &poses[poses.len().saturating_sub(most)..]
 }
 
 /// Reason for which there is no flight.
@@ -218,11 +205,10 @@ impl InformationFit {
         previous: &FlightTrajectory,
     ) -> Result<FlightTrajectory, PredictionStatus> {
         let com_O = previous.com_O;
-        let most = self.config.considered.fit_window.max(self.config.considered.window);
         let mut about_com = std::mem::take(&mut self.about_com);
         about_com.clear();
-        about_com.reserve(most);
-        about_com.extend(poses[poses.len() - most.min(poses.len())..].iter().map(|pose| {
+        about_com.reserve(FIT_WINDOW);
+        about_com.extend(newest(poses, FIT_WINDOW).iter().map(|pose| {
             let mut X_WO = pose.X_WO;
             let to_com_W = X_WO.rotation * com_O;
             X_WO.translation.vector += to_com_W;
@@ -246,13 +232,13 @@ impl InformationFit {
         previous: Option<&FlightTrajectory>,
     ) -> Result<FlightTrajectory, PredictionStatus> {
         let Self { config, symmetry, seed, fit: fitting, ransac: sampling, .. } = self;
-        let window = config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
-        let fitted = &poses[poses.len() - config.considered.fit_window.min(poses.len())..];
+        let window = sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
+        let fitted = newest(poses, FIT_WINDOW);
         let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= MIN_INLIER_FRACTION * window.len() as f64;
         let known = previous.and_then(|it| fit::fit(fitted, it, symmetry, config, fitting).ok());
         let known = known.filter(|(_, agreeing)| enough(*agreeing)).map(|(flight, _)| flight);
         // Sampling looks at the newest poses alone: it does not know better than a fit to all of them.
-        let rests_on_all = fitted.len() >= config.considered.window;
+        let rests_on_all = fitted.len() >= WINDOW;
         if let Some(known) = &known
             && known.error_scale <= MAX_ERROR_SCALE
             && (rests_on_all || known.inliers as f64 >= GOOD_INLIER_FRACTION * known.considered as f64)
@@ -290,7 +276,7 @@ impl FlightPredictor for InformationFit {
             Some(previous) => self.fit_about_com(poses, previous)?,
         };
         if self.config.aerodynamics.any() || self.config.com_sd_m() > 0.0 {
-            let fitted = &poses[poses.len() - self.config.considered.fit_window.min(poses.len())..];
+            let fitted = newest(poses, FIT_WINDOW);
             let refined = aerodynamics::refine(fitted, &mut flight, &self.symmetry, &self.config, &mut self.rows);
             self.failures += u32::from(refined.is_none());
         }

@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::{
-    Config, FlightTrajectory, PredictionStatus,
+    Config, FlightTrajectory, INLIER_M, PredictionStatus, WINDOW,
     flight::Motion,
     rotation_consensus::{Orientation, agree_on_rotation},
     tumbling,
@@ -88,7 +88,7 @@ pub fn best_flight(
         let second = (first + random.random_range(1..poses.len())) % poses.len();
         let (from, to) = (first.min(second), first.max(second));
         let Some(flight) = through(&poses[from], &poses[to], symmetry, rotation, config) else { continue };
-        let agreement = agreement(poses, &flight, symmetry, rotation, config);
+        let agreement = agreement(poses, &flight, symmetry, rotation);
         if best.as_ref().is_none_or(|(best, _)| agreement.is_better_than(best, ties)) {
             best = Some((agreement, flight));
         }
@@ -101,10 +101,10 @@ pub fn best_flight(
         let orientations = &mut scratch.orientations;
         orientations.clear();
         // Room for as many as there will ever be, so that it is made once.
-        orientations.reserve(config.considered.window);
+        orientations.reserve(WINDOW);
         each_position(poses, &flight, |pose, p_WO| {
             let distance = (pose.X_WO.translation.vector - p_WO).norm();
-            if is_finite(pose) && distance < reach_m(pose, config) {
+            if is_finite(pose) && distance < reach_m(pose) {
                 orientations.push(Orientation::of(pose));
             }
         });
@@ -213,13 +213,7 @@ impl Agreement {
 }
 
 /// Agreement of poses with a flight; the rotation counts where it is constant.
-fn agreement(
-    poses: &[ObjectPose],
-    flight: &FlightTrajectory,
-    symmetry: &Symmetry,
-    rotation: Rotation,
-    config: &Config,
-) -> Agreement {
+fn agreement(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetry, rotation: Rotation) -> Agreement {
     let (mut inliers, mut squares, mut sum) = (0, 0.0, 0.0);
     each_position(poses, flight, |pose, p_WO| {
         let distance = (pose.X_WO.translation.vector - p_WO).norm();
@@ -230,7 +224,7 @@ fn agreement(
                 symmetry.turn_between(&R_WO, &pose.X_WO.rotation).norm()
             }
         };
-        if distance >= reach_m(pose, config) {
+        if distance >= reach_m(pose) {
             return;
         }
         let angle_rad = angle_rad();
@@ -244,8 +238,8 @@ fn agreement(
 }
 
 /// Largest distance from a flight of a pose that agrees with it, in metres.
-pub(super) fn reach_m(pose: &ObjectPose, config: &Config) -> f64 {
-    config.considered.inlier_m.max(3.0 * position_sd(pose))
+pub(super) fn reach_m(pose: &ObjectPose) -> f64 {
+    INLIER_M.max(3.0 * position_sd(pose))
 }
 
 /// A pose's standard deviation of position over all directions, for judging whether it is an outlier.

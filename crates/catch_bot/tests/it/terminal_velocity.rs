@@ -3,7 +3,7 @@
 use catch_body::{JointVector, MAX_JOINTS, robot::Jacobian};
 use catch_bot::trajectory_optimization::{
     reachability::Interval,
-    terminal_velocity::{Following, Weights, terminal_velocity},
+    terminal_velocity::{DAMPING, FOLLOWING, Weights, terminal_velocity},
 };
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
@@ -36,7 +36,7 @@ fn jacobian() -> Jacobian {
 fn a_hand_that_follows_leaves_no_velocity_across_its_approach() {
     let (jacobian, v_WO) = (jacobian(), Vector3::new(-2.0, -3.0, -1.0));
     let R_WG = Rotation3::from_euler_angles(0.3, -0.7, 1.1);
-    let following = Some((R_WG, Following { closing: 8e3, approach: 8e2, gap: 8e2 }));
+    let following = Some((R_WG, FOLLOWING * 1e3));
     let bounds = [Interval { low: -50.0, high: 50.0 }; MAX_JOINTS];
     let found = terminal_velocity(&jacobian, &v_WO, &bounds, &Weights::BALANCED, following.as_ref()).unwrap();
     assert!((jacobian.fixed_rows::<3>(3) * found.dq - found.v_WG).norm() < 1e-12);
@@ -56,20 +56,19 @@ proptest! {
     ) {
         let (jacobian, v_WO, R_WG) =
             (jacobian(), Vector3::from(v), Rotation3::from_euler_angles(angles[0], angles[1], angles[2]));
-        let following = Following { closing: 8.0, approach: 0.8, gap: 0.8 };
         let weights = Weights::BALANCED;
         let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
         bounds[..7].fill(Interval { low: -width, high: width });
         let found =
-            terminal_velocity(&jacobian, &v_WO, &bounds, &weights, Some(&(R_WG, following))).unwrap();
+            terminal_velocity(&jacobian, &v_WO, &bounds, &weights, Some(&(R_WG, FOLLOWING))).unwrap();
         let cost = |dq: &JointVector| {
             let left = R_WG.inverse() * (jacobian.fixed_rows::<3>(3) * dq - v_WO);
             let along = left.y + 0.7 * (R_WG.inverse() * v_WO).y;
-            following.closing * left.x.powi(2)
-                + following.approach * along.powi(2)
-                + following.gap * left.z.powi(2)
+            FOLLOWING.x * left.x.powi(2)
+                + FOLLOWING.y * along.powi(2)
+                + FOLLOWING.z * left.z.powi(2)
                 + weights.spin * (jacobian.fixed_rows::<3>(0) * dq).norm_squared()
-                + weights.damping * dq.norm_squared()
+                + DAMPING * dq.norm_squared()
         };
         let least = cost(&found.dq);
         prop_assert!(found.dq.amax() <= width + 1e-9);

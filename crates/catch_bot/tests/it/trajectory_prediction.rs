@@ -327,7 +327,7 @@ fn off_centre(symmetry: &Symmetry, com_O: Vector3<f64>, com_sd_m: Option<f64>, t
         let poses = seen(&flown, 30, 1e-3, 0.02, 0.0, &mut normal);
         let mut predictor = InformationFit::new(config.clone(), *symmetry, seed);
         let (mut found, mut last): (Option<FlightTrajectory>, _) = (None, 0.0);
-        for count in config.considered.first_after..=poses.len() {
+        for count in FIRST_AFTER..=poses.len() {
             found = predictor.predict(&poses[..count], found.as_ref()).ok();
             last = poses[count - 1].capture_s + 0.3;
         }

@@ -18,7 +18,7 @@ fn lost(throws: usize) -> (usize, usize, Vec<(usize, PlanningFailure)>) {
     for (o, object) in OBJECTS.iter().enumerate() {
         let desk = Desk::new(object, |_| {});
         let mut finer = Desk::new(object, |_| {});
-        finer.search = Desk::new(object, |_| {}).search.with_time_step_s(FINER_S);
+        finer.search.time_step_s = FINER_S;
         let mut rng = Pcg64::seed_from_u64(o as u64);
         for i in (o..throws).step_by(OBJECTS.len()) {
             let flight = random_flight(&mut rng);
