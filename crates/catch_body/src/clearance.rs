@@ -117,6 +117,11 @@ impl ArmClearance {
         })
     }
 
+    /// The smaller of both clearances: from the arm itself and from its surroundings.
+    pub fn least(&self, X_WL: &LinkPoses, width_m: f64) -> f64 {
+        self.self_clearance(X_WL, width_m).min(self.environment_clearance(X_WL, width_m))
+    }
+
     /// The smaller of `smallest` and the distances of all obstacles, of which those are asked for that may be
     /// below: what is measured is inside of a ball with this centre in W and this radius.
     fn near(&self, (centre_W, radius): (&Point3<f64>, f64), smallest: f64, distance: impl Fn(&Obstacle) -> f64) -> f64 {

@@ -90,10 +90,7 @@ fn clear_poses(config: &Config, robot: &Robot, gripper: &Gripper) -> Vec<JointVe
         let half = robot.per_joint(|it| RANGE * ((it.limits.upper - it.limits.lower) / 2.0).min(PI));
         let q = middle + half.component_mul(&at);
         let X_WL = robot.link_poses(&q);
-        let width_m = gripper.max_width_m;
-        let is_clear = clearance.self_clearance(&X_WL, width_m) > CLEARANCE_M
-            && clearance.environment_clearance(&X_WL, width_m) > CLEARANCE_M;
-        if is_clear {
+        if clearance.least(&X_WL, gripper.max_width_m) > CLEARANCE_M {
             poses.push(q);
         }
     }

@@ -10,7 +10,7 @@
 
 use std::path::Path;
 
-use catch_body::{Gripper, InputError, JointVector, Pose, Robot, dynamics::gravity};
+use catch_body::{Gripper, InputError, JointVector, Pose, Robot, dynamics::gravity, robot::LimitScale};
 use catch_paper::posed::Target;
 use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion};
 use serde::{Deserialize, de::IgnoredAny};
@@ -18,13 +18,12 @@ use serde_json::Value;
 
 use crate::{
     assets::{Asset, Kind},
-    scenario::{Scenario, setup::DEFAULT_SCENARIO},
+    scenario::{
+        Scenario,
+        setup::{DEFAULT_SCENARIO, arm_with_hand},
+    },
 };
-use catch_recording::{
-    bounded_file::FileKind,
-    sources::{SourceNames, Sources},
-    whole_file::COMMAND_LINE,
-};
+use catch_recording::{bounded_file::FileKind, whole_file::COMMAND_LINE};
 
 /// Largest distance between grasp centre and object in a file, in metres.
 const TOLERANCE_M: f64 = 1e-6;
@@ -197,17 +196,6 @@ pub fn arm(name: Option<&str>, asked_by: (&str, &str)) -> Result<(Robot, Gripper
     let parts = Scenario::of_asset(&scenario)?;
     let robot = Asset::asked(Kind::Robot, name.unwrap_or(&parts.robot), asked_by)?;
     let gripper = Asset::find(Kind::Gripper, &parts.gripper, &scenario.origin, (&scenario.file, "gripper"))?;
-    let (urdf_file, robot_urdf) = robot.read_text_beside("robot.urdf")?;
-    let names =
-        SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file, workcell_toml: "" };
-    let sources = Sources {
-        robot_urdf,
-        robot_meshes: robot.meshes()?,
-        robot_toml: robot.text.clone(),
-        gripper_meshes: gripper.meshes()?,
-        gripper_toml: gripper.text.clone(),
-        workcell_toml: None,
-        limit_scale: Default::default(),
-    };
-    sources.parse(&names)
+    let (_, arm, hand) = arm_with_hand(&robot, &gripper, None, LimitScale::default())?;
+    Ok((arm, hand))
 }

@@ -163,7 +163,7 @@ impl Icp<'_> {
         }
         let residual_m = (squares / count).sqrt();
         let finite = X_WO.to_homogeneous().iter().all(|value| value.is_finite());
-        if !finite || residual_m > ending.residual_m + 3.0 * mean_noise(scene) {
+        if !finite || residual_m > ending.residual_m + 3.0 * scene.mean_noise_m() {
             return Err(PerceptionStatus::NotConverged);
         }
         // Each pair tells of all three coordinates as much as it is off by.
@@ -177,7 +177,7 @@ impl Icp<'_> {
             information,
             points: scene.points.len(),
             residual_m,
-            noise_m: mean_noise(scene),
+            noise_m: scene.mean_noise_m(),
             silhouette_residual_m: None,
             points_mismatch: Some((residual_m / MODEL_SD_M).powi(2)),
             silhouette_mismatch: None,
@@ -210,10 +210,6 @@ impl Icp<'_> {
         let moved = Pose::from_parts(Translation3::from(origin + mean_W - R_WO * mean_O), R_WO);
         Some((moved, squares, distances / count))
     }
-}
-
-fn mean_noise(scene: &SceneCloud) -> f64 {
-    scene.points.iter().map(|point| point.depth_sd_m).sum::<f64>() / scene.points.len().max(1) as f64
 }
 
 /// Covariances below this are rounding, in m².

@@ -15,8 +15,7 @@ use super::{
     Config,
     arm_edges::{ArmEdges, Sight},
     camera_offsets::{self, CameraOffset},
-    known_background::is_within,
-    segmentation::Surroundings,
+    segmentation::{Surroundings, is_full},
     silhouette_shift::{DISPLACED_M, SIGNIFICANT, Shift, ShiftHistory},
 };
 
@@ -59,7 +58,7 @@ impl Display for CameraStatus {
 #[derive(Debug, Clone)]
 pub struct CameraHealth {
     /// The waiting arm, and the aperture of its gripper.
-    waiting: Option<(LinkPoses, f64)>,
+    waiting: (LinkPoses, f64),
     edges: Vec<ArmEdges>,
     records: Vec<Record>,
     /// Offset of each camera as estimated from flights.
@@ -138,7 +137,7 @@ impl CameraHealth {
         let uncalibrated: Vec<bool> =
             (0..cameras.len()).map(|camera| config.uncalibrated_cameras.contains(&camera)).collect();
         let mut health = Self {
-            waiting: Some((surroundings.X_WL, surroundings.width_m)),
+            waiting: (surroundings.X_WL, surroundings.width_m),
             edges: cameras.iter().map(|camera| ArmEdges::new(camera, surroundings, config)).collect(),
             records: vec![record; cameras.len()],
             offsets: vec![CameraOffset::default(); cameras.len()],
@@ -181,15 +180,12 @@ impl CameraHealth {
         surroundings: Option<&Surroundings<'_>>,
         config: &Config,
     ) {
-        let is_full = |frame: &&DepthFrame| {
-            let is_whole = cameras.get(frame.camera).is_some_and(|it| frame.window == it.full_window());
-            is_whole && frame.mask.is_none() && frame.depth_m.len() >= frame.window.area()
+        let tells = |frame: &&DepthFrame| {
+            frame.mask.is_none() && cameras.get(frame.camera).is_some_and(|it| is_full(frame, it))
         };
-        self.note_arrivals(frames, frames.iter().any(|frame| is_full(&frame)));
-        let waits = self.waiting.as_ref().zip(surroundings).is_some_and(|((X_WL, width_m), known)| {
-            is_within(WAITING, X_WL, &known.X_WL) && (width_m - known.width_m).abs() < WAITING
-        });
-        for frame in frames.iter().filter(is_full) {
+        self.note_arrivals(frames, frames.iter().any(|frame| tells(&frame)));
+        let waits = surroundings.is_some_and(|known| known.stands_as(&self.waiting, WAITING));
+        for frame in frames.iter().filter(tells) {
             self.judge_repetition(frame, config);
             if waits {
                 self.judge_sight(frame, &cameras[frame.camera], config);

@@ -8,7 +8,7 @@ use catch_cell::CameraModel;
 
 use super::{
     Config,
-    segmentation::{Background, Surroundings, bleeding_px, threshold_m},
+    segmentation::{Background, Surroundings, bleeding_px, is_full, threshold_m},
     view::View,
 };
 
@@ -25,8 +25,7 @@ pub(super) struct KnownBackground {
 #[derive(Debug, Clone)]
 struct Limits {
     /// The arm that waits, and the opening of its gripper.
-    X_WL: LinkPoses,
-    width_m: f64,
+    waiting: (LinkPoses, f64),
     with_arm_m: Vec<Vec<f32>>,
     /// Depths without the arm; empty where no other background is known.
     without_arm_m: Vec<Vec<f32>>,
@@ -68,8 +67,7 @@ impl KnownBackground {
             cameras.iter().map(of_camera).collect()
         };
         let limits = Limits {
-            X_WL: surroundings.X_WL,
-            width_m: surroundings.width_m,
+            waiting: (surroundings.X_WL, surroundings.width_m),
             with_arm_m: limits_m(Some(surroundings)),
             without_arm_m: if config.sees_floor() { limits_m(None) } else { Vec::new() },
         };
@@ -84,8 +82,7 @@ impl KnownBackground {
             let Some(camera) = view.cameras.get(frame.camera) else { continue };
             self.learned.resize_with(view.cameras.len(), Learned::default);
             let learned = &mut self.learned[frame.camera];
-            let is_full = frame.window == camera.full_window() && frame.depth_m.len() >= frame.window.area();
-            if learned.images >= config.background_images || !is_full {
+            if learned.images >= config.background_images || !is_full(frame, camera) {
                 continue;
             }
             learns = true;
@@ -106,9 +103,7 @@ impl KnownBackground {
     /// The limits in a camera's image, as far as they still hold with the arm that is known.
     pub fn limits_m(&self, camera: usize, known: Option<&Surroundings<'_>>) -> Option<&[f32]> {
         let limits = self.limits.as_ref()?;
-        let is_waiting = known.is_some_and(|known| {
-            is_within(WAITING, &limits.X_WL, &known.X_WL) && (limits.width_m - known.width_m).abs() < WAITING
-        });
+        let is_waiting = known.is_some_and(|known| known.stands_as(&limits.waiting, WAITING));
         let limits_m = if is_waiting { &limits.with_arm_m } else { &limits.without_arm_m };
         limits_m.get(camera).map(Vec::as_slice)
     }

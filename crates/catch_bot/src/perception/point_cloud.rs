@@ -2,7 +2,7 @@
 
 use catch_body::{Pose, quantity};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -254,15 +254,12 @@ impl Image<'_> {
                 }
                 low = [low[0].min(column), low[1].min(row)];
                 high = [high[0].max(column + 1), high[1].max(row + 1)];
-                let depth_m = f64::from(frame.depth_m[row * columns + column]);
+                let i = row * columns + column;
+                let depth_m = f64::from(frame.depth_m[i]);
                 if !(depth_m > 0.0 && depth_m.is_finite()) {
                     continue;
                 }
-                let uv = Point2::new(
-                    f64::from(frame.window.left) + column as f64 + 0.5,
-                    f64::from(frame.window.top) + row as f64 + 0.5,
-                );
-                let per_depth_W = R_WC * camera.back_project(&uv, 1.0).coords;
+                let per_depth_W = R_WC * camera.back_project(&frame.window.pixel_centre(i), 1.0).coords;
                 points.push(ScenePoint {
                     p_W: Point3::from(p_WC + per_depth_W * depth_m),
                     per_depth_W,

@@ -31,6 +31,22 @@ pub struct Surroundings<'a> {
     pub width_m: f64,
 }
 
+impl Surroundings<'_> {
+    /// Returns whether this arm stands as it stood before: each link is within this distance of where it was,
+    /// in metres and radians, and so is the gripper's opening.
+    pub(super) fn stands_as(&self, (X_WL, width_m): &(LinkPoses, f64), within: f64) -> bool {
+        let is_near = |(A, B): (&Pose, &Pose)| {
+            (A.translation.vector - B.translation.vector).norm() < within && A.rotation.angle_to(&B.rotation) < within
+        };
+        X_WL.iter().zip(&self.X_WL).all(is_near) && (width_m - self.width_m).abs() < within
+    }
+}
+
+/// Returns whether an image is that of all pixels of its camera.
+pub(super) fn is_full(frame: &DepthFrame, camera: &CameraModel) -> bool {
+    frame.window == camera.full_window() && frame.depth_m.len() >= frame.window.area()
+}
+
 /// Label of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Label {

@@ -7,7 +7,7 @@
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, PixelWindow};
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 
 use super::{
     ReferenceModel, Symmetry,
@@ -393,9 +393,7 @@ impl Silhouette {
                 if !at_outline {
                     continue;
                 }
-                let uv =
-                    Point2::new(f64::from(window.left) + column as f64 + 0.5, f64::from(window.top) + row as f64 + 0.5);
-                let ray_C = camera.back_project(&uv, 1.0).coords;
+                let ray_C = camera.back_project(&window.pixel_centre(row * columns + column), 1.0).coords;
                 let length = ray_C.norm();
                 let pixel_rad = 1.0 / (camera.focal_px * length);
                 let inside = other == Label::Elsewhere;

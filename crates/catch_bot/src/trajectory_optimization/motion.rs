@@ -280,11 +280,7 @@ impl MotionPlanner {
 
     /// Returns whether the arm at `q` is clear of itself and of the floor, the gripper fully open.
     pub(super) fn stands_clear(&self, q: &JointVector) -> bool {
-        self.clearance_m(&self.robot.link_poses(q), self.gripper.max_width_m) >= self.config.clearance_m
-    }
-
-    fn clearance_m(&self, X_WL: &LinkPoses, width_m: f64) -> f64 {
-        self.clearance.self_clearance(X_WL, width_m).min(self.clearance.environment_clearance(X_WL, width_m))
+        self.clearance.least(&self.robot.link_poses(q), self.gripper.max_width_m) >= self.config.clearance_m
     }
 
     /// Returns whether the arm and the object in its hand keep clear of the arm and of the floor all along a
@@ -312,7 +308,7 @@ impl MotionPlanner {
         let mut time_s = start_s;
         loop {
             let X_WL = self.robot.link_poses(&trajectory.setpoint(time_s).q);
-            let mut clearance_m = self.clearance_m(&X_WL, width_m);
+            let mut clearance_m = self.clearance.least(&X_WL, width_m);
             if let Some(held_G) = held_G {
                 clearance_m = clearance_m.min(self.clearance.held_clearance(&X_WL, held_G));
             }

@@ -114,8 +114,7 @@ pub fn fraction_used(
     let mut most: f64 = 0.0;
     for i in 0..dof {
         let far = joints[i].displacements();
-        let (middle, half) = ((far.low + far.high) / 2.0, (far.high - far.low) / 2.0);
-        let fraction = ((q[i] - start[i] - middle) / half).abs();
+        let fraction = ((q[i] - start[i] - far.middle()) / far.half_width()).abs();
         if fraction > 1.0 {
             return None;
         }

@@ -59,9 +59,7 @@ pub fn good_poses(robot: &Robot, gripper: &Gripper, most: usize) -> Vec<JointVec
     let clearance = ArmClearance::new(robot, gripper);
     let rate = |q: JointVector| {
         let X_WL = robot.link_poses(&q);
-        let free = clearance
-            .self_clearance(&X_WL, gripper.max_width_m)
-            .min(clearance.environment_clearance(&X_WL, gripper.max_width_m));
+        let free = clearance.least(&X_WL, gripper.max_width_m);
         let X_WG = robot.gripper_in(&X_WL);
         let approach = X_WG * Vector3::y();
         let outwards = Vector3::new(X_WG.translation.x, X_WG.translation.y, 0.0).try_normalize(1e-6)?;

@@ -165,9 +165,7 @@ impl<'a> Oracle<'a> {
 
     /// Returns whether the arm at `q` touches neither itself nor its surroundings.
     fn is_clear(&self, q: &JointVector) -> bool {
-        let (X_WL, width_m) = (self.robot.link_poses(q), self.gripper.max_width_m);
-        self.clearance.self_clearance(&X_WL, width_m) > 0.0
-            && self.clearance.environment_clearance(&X_WL, width_m) > 0.0
+        self.clearance.least(&self.robot.link_poses(q), self.gripper.max_width_m) > 0.0
     }
 }
 

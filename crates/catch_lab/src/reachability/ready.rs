@@ -101,10 +101,7 @@ impl<'a> Corridor<'a> {
     /// `most_cost`.
     pub fn value(&self, q: &JointVector, most_cost: f64) -> Option<Ready> {
         let X_WL = self.robot.link_poses(q);
-        let free = self
-            .clearance
-            .self_clearance(&X_WL, self.width_m)
-            .min(self.clearance.environment_clearance(&X_WL, self.width_m));
+        let free = self.clearance.least(&X_WL, self.width_m);
         let within = self
             .robot
             .joints

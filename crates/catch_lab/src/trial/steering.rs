@@ -106,7 +106,7 @@ impl Steering {
     fn keeps_clear(&self, motion: &BSpline) -> bool {
         let start_s = motion.start_s();
         let at = |look: u32| motion.setpoint(start_s + f64::from(look) * self.period_s).q;
-        let least_m = |q: &JointVector| least_clearance_m(&self.robot, &self.clearance, self.max_width_m, q);
+        let least_m = |q: &JointVector| self.clearance.least(&self.robot.link_poses(q), self.max_width_m);
         let needed_m = least_m(&motion.setpoint(start_s).q).min(CLEARANCE_M);
         let looks = ((motion.end_s() - start_s) / self.period_s).ceil() as u32;
         // Two points of the arm come nearer to each other by no more than twice what all joints move times
@@ -150,12 +150,6 @@ impl Steering {
         let times_s: Vec<f64> = std::iter::once(start_s).chain(braking).collect();
         spline(&times_s, start, &[start.ddq, *a, b, b, JointVector::zeros()])
     }
-}
-
-/// Distance of the arm with its gripper open from itself and its surroundings, in metres.
-fn least_clearance_m(robot: &Robot, clearance: &ArmClearance, max_width_m: f64, q: &JointVector) -> f64 {
-    let X_WL = robot.link_poses(q);
-    clearance.self_clearance(&X_WL, max_width_m).min(clearance.environment_clearance(&X_WL, max_width_m))
 }
 
 /// The cubic spline that begins in the position and velocity of `start` and whose accelerations are these at
