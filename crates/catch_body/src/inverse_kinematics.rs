@@ -34,7 +34,8 @@ const TOLERANCE: f64 = 1e-6;
 /// The geometry of an S-R-S arm at zero joint angles, in W.
 #[derive(Debug, Clone)]
 pub struct SrsArm {
-    shoulder: Point3<f64>,
+    /// The shoulder in W, at which the first three axes meet.
+    pub shoulder: Point3<f64>,
     /// Distances from shoulder to elbow and from elbow to wrist.
     upper_arm: f64,
     forearm: f64,
@@ -143,11 +144,6 @@ impl SrsArm {
         let least_bend = low.max(-high).max(0.0);
         let most_bend = high.max(-low).min(std::f64::consts::PI);
         [most_bend, least_bend].map(|bend| a * a + b * b + 2.0 * a * b * libm::cos(bend))
-    }
-
-    /// The shoulder in W, at which the first three axes meet.
-    pub fn shoulder(&self) -> Point3<f64> {
-        self.shoulder
     }
 
     /// The elbow's circle for a pose of the gripper, `None` if the wrist is too far or too near.
@@ -298,7 +294,7 @@ mod tests {
             let arm = SrsArm::of(&robot).unwrap();
             let q = robot.per_joint(|joint| joint.limits.upper).component_mul(&robot.joint_vector(&unit).unwrap());
             prop_assume!(q[3].abs() > 0.01);
-            let distance = (robot.gripper_pose(&q) * arm.wrist_in_gripper() - arm.shoulder()).norm_squared();
+            let distance = (robot.gripper_pose(&q) * arm.wrist_in_gripper() - arm.shoulder).norm_squared();
             let within = |range| {
                 let [least, most] = arm.wrist_distances_squared(range);
                 (least..=most).contains(&distance)

@@ -386,7 +386,6 @@ quantities! {
     /// Densities of white noise of an acceleration.
     noise_density NOISE_DENSITY = 0.0 to 1000.0 "";
     /// Times within a life of many throws.
-    phase_s PHASE_S = 0.0 to 10.0 "s";
     /// Factors.
     factor FACTOR = 0.0 to 1000.0 "";
     /// Metres per unit of a file.

@@ -29,12 +29,14 @@ const BOX_PADDING: f64 = 1e-5;
 pub struct RayCaster {
     hierarchy: CwBvh,
     /// The mesh, its triangles in the order in which the leaves of the hierarchy refer to them.
-    mesh: TriangleMesh,
+    pub mesh: TriangleMesh,
     triangles: Vec<Triangle>,
-    centre: Point3<f64>,
-    radius: f64,
+    /// Centre of a ball that holds the mesh.
+    pub centre: Point3<f64>,
+    /// Radius of the ball around [`Self::centre`] that holds the mesh.
+    pub radius: f64,
     /// Half the size of a box around the centre that holds the mesh.
-    half_size: Vector3<f64>,
+    pub half_size: Vector3<f64>,
 }
 
 impl RayCaster {
@@ -68,27 +70,6 @@ impl RayCaster {
         let mesh = TriangleMesh { vertices: mesh.vertices.clone(), triangles: in_order };
         let half_size = (around.size / 2.0).add_scalar(radius * BOX_PADDING);
         Self { hierarchy, mesh, triangles, centre, radius, half_size }
-    }
-
-    /// Centre of a ball that holds the mesh.
-    pub fn centre(&self) -> Point3<f64> {
-        self.centre
-    }
-
-    /// Radius of the ball around [`Self::centre`] that holds the mesh.
-    pub fn radius(&self) -> f64 {
-        self.radius
-    }
-
-    /// Half the size of the box around [`Self::centre`], along the axes of the mesh's frame, that holds the
-    /// mesh.
-    pub fn half_size(&self) -> Vector3<f64> {
-        self.half_size
-    }
-
-    /// The mesh, its triangles in an order of their own.
-    pub fn mesh(&self) -> &TriangleMesh {
-        &self.mesh
     }
 
     /// Outward normal of a triangle of [`Self::mesh`], of length one.

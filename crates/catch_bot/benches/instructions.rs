@@ -126,11 +126,11 @@ fn plan(again: bool) {
     let search = CatchSearch::new(arm::planner(|_| {}), None);
     let reference = ReferenceModel::from_scan(&synthetic::scan(&Shape::banana(), 64));
     let config = grasp_selection::Config::default();
-    let grasps = GraspSet::sample(&reference, search.motion().gripper(), &config);
+    let grasps = GraspSet::sample(&reference, &search.motion.gripper, &config);
     let flight = inputs::near_throw();
     let failures = FailureCounter::default();
     let incoming = Incoming { flight: &flight, grasps: &grasps, config: &config, failures: &failures };
-    let start = arm::at_rest(search.motion(), &inputs::READY, 0.07);
+    let start = arm::at_rest(&search.motion, &inputs::READY, 0.07);
     if !again {
         return run(|| search.search(&start, &incoming).expect("a catch"));
     }

@@ -23,11 +23,11 @@ use synthetic::Shape;
 /// changes by 5 mm.
 fn everything(criterion: &mut Criterion) {
     let search = CatchSearch::new(planner(|_| {}), None);
-    let start = at_rest(search.motion(), &inputs::READY, 0.07);
+    let start = at_rest(&search.motion, &inputs::READY, 0.07);
     let config = grasp_selection::Config::default();
     for (name, shape) in Shape::all() {
         let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 200));
-        let grasps = GraspSet::sample(&reference, search.motion().gripper(), &config);
+        let grasps = GraspSet::sample(&reference, &search.motion.gripper, &config);
         let flight = inputs::near_throw();
         let failures = FailureCounter::default();
         let incoming = Incoming { flight: &flight, grasps: &grasps, config: &config, failures: &failures };

@@ -1,10 +1,9 @@
 //! A brain that lives for many throws, of several known objects: it waits, catches, holds, puts down, returns
 //! and waits again.
 
-mod config;
 mod explained;
 
-use catch_body::{InputError, JointVector};
+use catch_body::JointVector;
 use catch_cell::{
     ArmTrajectory, Brain, Command, GraspState, GripperMove, GripperState, Observation, PixelWindow, Probe, TrajectoryId,
 };
@@ -12,13 +11,11 @@ use nalgebra::Point3;
 
 use crate::{
     CatchingBot, Report,
-    control::{CatchPlanner, opening},
+    control::opening,
     grasp_selection::Grasp,
-    perception::{ObjectPose, PoseEstimator, camera_offsets::MIN_CAMERAS},
+    perception::{ObjectPose, camera_offsets::MIN_CAMERAS},
     trajectory_optimization::CatchPlan,
-    trajectory_prediction::FlightPredictor,
 };
-pub use config::CycleConfig;
 use explained::Explained;
 
 /// Images after which an object in flight is identified: with the first one nothing has moved yet.
@@ -33,6 +30,8 @@ const MAX_GAP_S: f64 = 0.1;
 const GIVE_UP_S: f64 = 1.5;
 /// Time from the catch on for the fingers to close upon the object, in seconds.
 const SQUEEZE_S: f64 = 0.3;
+/// Time for which an object is held after the catch, in seconds: longer than a referee looks at it.
+pub const HOLD_S: f64 = 1.6;
 /// Time for the gripper to open and the object to fall out of it, in seconds.
 const RELEASE_S: f64 = 0.5;
 /// Fingers that have closed to less than this fraction of the object's width hold nothing.
@@ -64,9 +63,8 @@ pub enum Phase {
 }
 
 /// A known object's brain, and how well the object explains what flies.
-#[derive(Debug)]
-struct Candidate<E, P, C> {
-    bot: CatchingBot<E, P, C>,
+struct Candidate {
+    bot: CatchingBot,
     /// Mismatch between this object and the images of the present flight.
     explained: Explained,
     /// Images of the present flight.
@@ -86,12 +84,10 @@ struct Motion {
 }
 
 /// Brains of several objects, one for each, in one life.
-#[derive(Debug)]
-pub struct CatchingCycle<E, P, C> {
-    config: CycleConfig,
+pub struct CatchingCycle {
     /// Placing posture: joint positions in radians, in which the gripper opens.
     place_q: JointVector,
-    candidates: Vec<Candidate<E, P, C>>,
+    candidates: Vec<Candidate>,
     phase: Phase,
     /// The object that flies or is held.
     active: usize,
@@ -104,37 +100,19 @@ pub struct CatchingCycle<E, P, C> {
     has_released: bool,
 }
 
-impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, C> {
+impl CatchingCycle {
     /// Creates the cycle for objects by their brains, which must be of the same arm, gripper and cameras. A
     /// caught object is put down at the joint positions `place_q`, in radians.
     ///
-    /// # Errors
-    /// If a setting is out of its range.
-    ///
     /// # Panics
     /// Without any object.
-    pub fn new(
-        config: CycleConfig,
-        place_q: JointVector,
-        mut bots: Vec<CatchingBot<E, P, C>>,
-    ) -> Result<Self, InputError> {
+    pub fn new(place_q: JointVector, mut bots: Vec<CatchingBot>) -> Self {
         assert!(!bots.is_empty(), "a brain needs to know an object");
-        InputError::check_settings("settings of the cycle", &config)?;
-        bots.iter_mut().for_each(|it| it.tracker.compares_cameras = it.known.cameras().len() >= MIN_CAMERAS);
+        bots.iter_mut().for_each(|it| it.tracker.compares_cameras = it.known.cameras.len() >= MIN_CAMERAS);
         let candidate = |bot| Candidate { bot, explained: Explained::default(), images: 0, seen: None, rests: false };
         let candidates = bots.into_iter().map(candidate).collect();
         let (phase, active) = (Phase::Waiting, 0);
-        Ok(Self {
-            config,
-            place_q,
-            candidates,
-            phase,
-            active,
-            since_s: 0.0,
-            motion: None,
-            sent: 0,
-            has_released: false,
-        })
+        Self { place_q, candidates, phase, active, since_s: 0.0, motion: None, sent: 0, has_released: false }
     }
 
     /// Phase of the cycle.
@@ -201,7 +179,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     /// A tick of a phase in which nothing is looked for: no camera needs to read out a pixel.
     fn without_images(&mut self, phase: fn(&mut Self, &Observation) -> Command, observation: &Observation) -> Command {
         let command = phase(self, observation);
-        let cameras = self.candidates[self.active].bot.known().cameras().len();
+        let cameras = self.candidates[self.active].bot.known.cameras.len();
         let is_over = self.phase == Phase::Returning;
         Command { windows: (!is_over).then(|| vec![PixelWindow::default(); cameras]), ..command }
     }
@@ -211,7 +189,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         let caught_s = plan.map_or(self.since_s, |plan| plan.catch_s);
         if !plan.is_some_and(|plan| is_held(&observation.gripper, plan)) {
             self.enter(Phase::Returning, observation.time_s);
-        } else if observation.time_s > caught_s + self.config.hold_s {
+        } else if observation.time_s > caught_s + HOLD_S {
             self.enter(Phase::Placing, observation.time_s);
         }
         Command::default()
@@ -239,7 +217,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
 
     fn go_back(&mut self, observation: &Observation) -> Command {
         let now_s = observation.time_s;
-        let ready_q = self.candidates[self.active].bot.known().search().motion().robot().ready_q;
+        let ready_q = self.candidates[self.active].bot.known.search.motion.robot.ready_q;
         let must_open = !std::mem::replace(&mut self.has_released, true);
         let mut command = match self.go(observation, &ready_q, None) {
             Progress::Going(command) => command,
@@ -267,7 +245,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     fn opening(&self, now_s: f64) -> Vec<GripperMove> {
         // Wide enough for whatever is thrown next.
         let width_m = self.candidates.iter().map(|it| it.bot.waiting_width_m()).fold(0.0, f64::max);
-        vec![opening(now_s, width_m, self.candidates[self.active].bot.known().search().motion().gripper())]
+        vec![opening(now_s, width_m, &self.candidates[self.active].bot.known.search.motion.gripper)]
     }
 
     /// Towards `to`, and whether the arm is there. A motion that was rejected or lost is sent anew.
@@ -281,14 +259,14 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
             }
         }
         let bot = &mut self.candidates[self.active].bot;
-        let (known, from) = (bot.known().clone(), arm.commanded.q);
+        let (known, from) = (bot.known.clone(), arm.commanded.q);
         if (from - to).amax() < 1e-9 {
             return Progress::Arrived;
         }
-        let planner = known.search().motion();
-        let start_s = now_s + known.config().control.expected_latency_s;
+        let planner = &known.search.motion;
+        let start_s = now_s + known.config.control.expected_latency_s;
         // Straight, else by way of a pose that is known to be clear.
-        let vias = [None, Some(planner.robot().ready_q), Some(self.place_q)];
+        let vias = [None, Some(planner.robot.ready_q), Some(self.place_q)];
         let mut ways = vias.iter().filter_map(|via| planner.rest_to_rest(start_s, &from, via.as_ref(), to, held));
         let Some(spline) = ways.next().filter(|_| self.sent < MAX_SENT) else { return Progress::NoWay };
         self.sent += 1;
@@ -315,7 +293,7 @@ enum Progress {
     NoWay,
 }
 
-impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
+impl Candidate {
     /// Takes in new images. What rests, and what was somewhere else a moment ago, begins anew.
     fn look(&mut self, observation: &Observation) -> Option<ObjectPose> {
         self.bot.controller.acknowledge(observation, self.bot.flight.as_ref());
@@ -352,7 +330,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
     }
 }
 
-impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingCycle<E, P, C> {
+impl Brain for CatchingCycle {
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
         match self.phase {
             Phase::Waiting => self.wait(observation, probe),

@@ -49,11 +49,11 @@ use std::sync::Arc;
 use catch_body::{Gripper, InputError, Robot};
 use catch_cell::{Brain, CameraModel, Command, GripperMove, KnownObject, Observation, PixelWindow, Probe};
 
-use control::{CatchPlanner, Controller, GripperPlan, Situation, TimeGridSearch, opening};
-use perception::{CameraStatus, ObjectPose, PoseEstimator, SdfEstimator, camera_offsets::CameraOffset};
+use control::{CatchPlanner, Controller, GripperPlan, Situation, opening};
+use perception::{CameraStatus, ObjectPose, PoseEstimator, camera_offsets::CameraOffset};
 use tracker::Tracker;
 use trajectory_optimization::{CatchPlan, reach_map::ReachMap};
-use trajectory_prediction::{FlightPredictor, FlightTrajectory, InformationFit};
+use trajectory_prediction::{FlightPredictor, FlightTrajectory};
 
 pub use control::Status;
 pub use preparation::{Config, Preparation};
@@ -91,12 +91,12 @@ pub struct NumericalFailures {
 }
 
 /// The catching robot's brain, made of a pose estimator, a flight predictor and a catch planner.
-#[derive(Debug)]
-pub struct CatchingBot<E = SdfEstimator, P = InformationFit, C = TimeGridSearch> {
-    known: Arc<Preparation>,
-    estimator: E,
-    predictor: P,
-    planner: C,
+pub struct CatchingBot {
+    /// The models and tables that were prepared beforehand.
+    pub known: Arc<Preparation>,
+    estimator: Box<dyn PoseEstimator>,
+    predictor: Box<dyn FlightPredictor>,
+    planner: Box<dyn CatchPlanner>,
 
     tracker: Tracker,
     /// The flight as predicted last.
@@ -110,7 +110,7 @@ pub struct CatchingBot<E = SdfEstimator, P = InformationFit, C = TimeGridSearch>
 impl CatchingBot {
     /// A brain for an arm with a gripper, cameras at known places, and an object known from a scan and some
     /// figures ([`Config::given`]). Arms that are served by a [`ReachMap`] get one, which takes some seconds;
-    /// who has stored it [prepares](Self::prepared) the brain with it.
+    /// who has stored it makes the brain of a [`Preparation`] and its [stages](Self::with_stages).
     ///
     /// # Errors
     /// A setting that is out of its range.
@@ -125,24 +125,22 @@ impl CatchingBot {
         let reach_map = ReachMap::serves(&robot).then(|| Arc::new(ReachMap::new(&robot)));
         let config = config.given(&object.figures, &cameras);
         let known = Preparation::new(config, (robot, reach_map), gripper, cameras, &object.scan)?;
-        Ok(Self::prepared(Arc::new(known), seed))
+        let (estimator, predictor) = (Box::new(known.pose_estimator()), Box::new(known.flight_predictor(seed)));
+        let planner = Box::new(known.catch_planner());
+        Ok(Self::with_stages(Arc::new(known), estimator, predictor, planner))
     }
 
-    /// A brain that shares what was worked out beforehand; it draws at random from `seed` instead of
-    /// [`Config::seed`].
-    pub fn prepared(known: Arc<Preparation>, seed: u64) -> Self {
-        let stages = (known.pose_estimator(), known.flight_predictor(seed), known.catch_planner());
-        Self::with_stages(known, stages.0, stages.1, stages.2)
-    }
-}
-
-impl<E, P, C> CatchingBot<E, P, C> {
     /// A brain of these stages. Those of [`Preparation`] are ours.
-    pub fn with_stages(known: Arc<Preparation>, estimator: E, predictor: P, planner: C) -> Self {
+    pub fn with_stages(
+        known: Arc<Preparation>,
+        estimator: Box<dyn PoseEstimator>,
+        predictor: Box<dyn FlightPredictor>,
+        planner: Box<dyn CatchPlanner>,
+    ) -> Self {
         let tracker = Tracker::new(&known, false);
-        let Config { control, grasp_selection, .. } = known.config().clone();
-        let motion = known.search().motion();
-        let controller = Controller::new(control, grasp_selection, motion.robot().clone(), motion.gripper().clone());
+        let Config { control, grasp_selection, .. } = known.config.clone();
+        let motion = &known.search.motion;
+        let controller = Controller::new(control, grasp_selection, motion.robot.clone(), motion.gripper.clone());
         let (flight, has_opened, report) = (None, false, Report::default());
         Self { known, estimator, predictor, planner, tracker, flight, controller, has_opened, report }
     }
@@ -151,21 +149,16 @@ impl<E, P, C> CatchingBot<E, P, C> {
     pub fn report(&self) -> &Report {
         &self.report
     }
-
-    /// The models and tables that were prepared beforehand.
-    pub fn known(&self) -> &Arc<Preparation> {
-        &self.known
-    }
 }
 
-impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingBot<E, P, C> {
+impl Brain for CatchingBot {
     /// The paper's figure 2: images → pose → flight → grasp and plan → command.
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
         let now_s = observation.time_s;
         self.controller.acknowledge(observation, self.flight.as_ref());
         let command = if self.controller.is_committed(now_s) {
             // Nothing that may still be seen changes anything: no camera needs to read out a pixel.
-            let windows = Some(vec![PixelWindow::default(); self.known.cameras().len()]);
+            let windows = Some(vec![PixelWindow::default(); self.known.cameras.len()]);
             self.close_report(Status::Committed, None, Command { windows, ..Command::default() })
         } else {
             let pose = self.perceive(observation);
@@ -183,10 +176,10 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingBo
     }
 }
 
-impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C> {
+impl CatchingBot {
     /// Distance between the fingers of the hand that waits for a throw, in metres.
     pub fn waiting_width_m(&self) -> f64 {
-        self.planner.waiting_width_m().unwrap_or(self.known.search().motion().gripper().max_width_m)
+        self.planner.waiting_width_m().unwrap_or(self.known.search.motion.gripper.max_width_m)
     }
 
     /// The move of the fingers to where they wait, if they stand elsewhere when a throw begins.
@@ -194,22 +187,22 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
         let width_m = self.planner.waiting_width_m()?;
         let is_first = !std::mem::replace(&mut self.has_opened, true) && self.controller.plan().is_none();
         let must_move = is_first && (observation.gripper.width_m - width_m).abs() > WAITING_TOLERANCE_M;
-        must_move.then(|| vec![opening(observation.time_s, width_m, self.known.search().motion().gripper())])
+        must_move.then(|| vec![opening(observation.time_s, width_m, &self.known.search.motion.gripper)])
     }
 
     /// III-B: pose of the object in the newest images, started from where the last flight says it is.
     fn perceive(&mut self, observation: &Observation) -> Option<ObjectPose> {
         self.tracker.sense(observation);
-        self.tracker.track(&observation.frames, &mut self.flight, &self.known, &mut self.estimator)
+        self.tracker.track(&observation.frames, &mut self.flight, &self.known, &mut *self.estimator)
     }
 
     fn close_report(&mut self, status: Status, pose: Option<ObjectPose>, command: Command) -> Command {
         let Self { flight, controller, .. } = self;
         self.report.flight.clone_from(flight);
-        (self.report.status, self.report.pose, self.report.closing) = (status, pose, controller.closing());
+        (self.report.status, self.report.pose, self.report.closing) = (status, pose, controller.closing);
         self.report.plan = controller.plan().cloned();
         self.report.cameras.clear();
-        self.report.cameras.extend_from_slice(self.tracker.camera_statuses());
+        self.report.cameras.extend_from_slice(&self.tracker.health.statuses);
         let (prediction, planning) = (self.predictor.numerical_failures(), self.planner.numerical_failures());
         self.report.numerical_failures = NumericalFailures { prediction, planning };
         command
@@ -241,7 +234,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
 
     /// Acts on the poses found so far; `pose` is the newest, if this tick found one.
     fn act_on(&mut self, observation: &Observation, pose: Option<ObjectPose>, probe: &mut dyn Probe) -> Command {
-        let Some(first) = self.tracker.poses().first() else {
+        let Some(first) = self.tracker.poses.first() else {
             return self.close_report(Status::NoObject, pose, Command::default());
         };
         if observation.frames.is_empty() {
@@ -249,7 +242,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
         }
 
         // III-B: the flight that the poses agree on.
-        let flight = self.predictor.predict(self.tracker.poses(), self.flight.as_ref());
+        let flight = self.predictor.predict(&self.tracker.poses, self.flight.as_ref());
         probe.stage_ended("trajectory_prediction");
         let Ok(mut flight) = flight else {
             let windows = self.tracker.windows(observation, None, &self.known);
@@ -257,7 +250,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
         };
         if let Some(previous) = &self.flight {
             let R_WO = previous.pose_at(flight.time_s).rotation;
-            flight.R_WO = self.known.reference().symmetry.nearest_alike(&R_WO, &flight.R_WO);
+            flight.R_WO = self.known.reference.symmetry.nearest_alike(&R_WO, &flight.R_WO);
         }
 
         // III-C and III-D: the running plan for the new flight, or a new grasp and plan.
@@ -268,8 +261,8 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
             sensed: (observation.arm.q, observation.arm.dq),
             flight: &flight,
             running: self.controller.plan(),
-            closing: self.controller.closing(),
-            progress: self.controller.progress(),
+            closing: self.controller.closing,
+            progress: self.controller.progress,
         });
         probe.stage_ended("trajectory_optimization");
 

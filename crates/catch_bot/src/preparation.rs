@@ -85,15 +85,23 @@ impl Config {
 /// arm.
 #[derive(Debug)]
 pub struct Preparation {
-    config: Config,
-    cameras: Vec<CameraModel>,
-    reference: Arc<ReferenceModel>,
-    grasps: Arc<GraspSet>,
-    search: Arc<CatchSearch>,
-    arm_surface: ArmSurface,
-    alignment: CameraAlignment,
-    camera_health: CameraHealth,
-    workspace: perception::Workspace,
+    /// The settings.
+    pub config: Config,
+    /// The cameras as they are believed to stand.
+    pub cameras: Vec<CameraModel>,
+    /// The object as the brain knows it.
+    pub reference: Arc<ReferenceModel>,
+    /// Grasp candidates of the object.
+    pub grasps: Arc<GraspSet>,
+    /// Search for catches and for the arm's motions to them.
+    pub search: Arc<CatchSearch>,
+    pub(crate) arm_surface: ArmSurface,
+    /// The cameras' alignment before anything has been seen.
+    pub(crate) alignment: CameraAlignment,
+    /// The cameras' health before anything has been seen.
+    pub(crate) camera_health: CameraHealth,
+    /// Buffers of perception, with what the cameras see of the waiting arm.
+    pub workspace: perception::Workspace,
 }
 
 impl Preparation {
@@ -129,36 +137,6 @@ impl Preparation {
         Ok(Self { config, cameras, reference, grasps, search, arm_surface, alignment, camera_health, workspace })
     }
 
-    /// The settings.
-    pub fn config(&self) -> &Config {
-        &self.config
-    }
-
-    /// The cameras as they are believed to stand.
-    pub fn cameras(&self) -> &[CameraModel] {
-        &self.cameras
-    }
-
-    /// The object as the brain knows it.
-    pub fn reference(&self) -> &Arc<ReferenceModel> {
-        &self.reference
-    }
-
-    /// Grasp candidates of the object.
-    pub fn grasps(&self) -> &Arc<GraspSet> {
-        &self.grasps
-    }
-
-    /// Search for catches and for the arm's motions to them.
-    pub fn search(&self) -> &Arc<CatchSearch> {
-        &self.search
-    }
-
-    /// Buffers of perception, with what the cameras see of the waiting arm.
-    pub fn workspace(&self) -> &perception::Workspace {
-        &self.workspace
-    }
-
     /// Our pose estimator.
     pub fn pose_estimator(&self) -> SdfEstimator {
         SdfEstimator::new(self.config.perception.clone(), self.reference.clone(), self.workspace.clone())
@@ -175,19 +153,5 @@ impl Preparation {
     pub fn catch_planner(&self) -> TimeGridSearch {
         let Config { control, grasp_selection, .. } = &self.config;
         TimeGridSearch::new(control.clone(), grasp_selection.clone(), self.grasps.clone(), self.search.clone())
-    }
-
-    pub(crate) fn arm_surface(&self) -> &ArmSurface {
-        &self.arm_surface
-    }
-
-    /// The cameras' alignment before anything has been seen.
-    pub(crate) fn alignment(&self) -> &CameraAlignment {
-        &self.alignment
-    }
-
-    /// The cameras' health before anything has been seen.
-    pub(crate) fn camera_health(&self) -> &CameraHealth {
-        &self.camera_health
     }
 }

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use crate::{
     perception::{
-        CameraStatus, GATE_M, ObjectPose, PoseEstimator, Surroundings, View, camera_alignment::CameraAlignment,
+        GATE_M, ObjectPose, PoseEstimator, Surroundings, View, camera_alignment::CameraAlignment,
         camera_health::CameraHealth, camera_offsets::CameraOffset,
     },
     preparation::Preparation,
@@ -61,13 +61,13 @@ pub(crate) struct Tracker {
     /// The cameras, as far as images of the arm have told where they look.
     alignment: CameraAlignment,
     /// Faults of the cameras.
-    health: CameraHealth,
+    pub health: CameraHealth,
     /// Readings of the encoders, oldest first.
     sensed: VecDeque<Sensed>,
     /// Times of the newest observation with images and of the one before.
     imaged_s: [Option<f64>; 2],
     /// Poses of the object, oldest first.
-    poses: Vec<ObjectPose>,
+    pub poses: Vec<ObjectPose>,
     /// True if single images are also registered by themselves: for operation over many throws, which reveal
     /// displaced cameras.
     pub compares_cameras: bool,
@@ -82,8 +82,8 @@ pub(crate) struct Tracker {
 impl Tracker {
     pub fn new(known: &Preparation, compares_cameras: bool) -> Self {
         Self {
-            alignment: known.alignment().clone(),
-            health: known.camera_health().clone(),
+            alignment: known.alignment.clone(),
+            health: known.camera_health.clone(),
             sensed: VecDeque::with_capacity(SENSED),
             imaged_s: [None; 2],
             poses: Vec::with_capacity(POSES),
@@ -100,33 +100,19 @@ impl Tracker {
             let shift_m = pose.X_WO.translation.vector - flight.pose_at(pose.capture_s).translation.vector;
             (*camera, pose, flight.time_s - pose.capture_s, shift_m)
         });
-        CameraOffset::of_throw(images, self.alignment.cameras().len())
+        CameraOffset::of_throw(images, self.alignment.cameras.len())
     }
 
     /// Forgets the throw, and remembers what is wrong with the cameras, also by how far they were off in it.
     pub fn end_throw(&mut self, offsets: &[CameraOffset], known: &Preparation) {
-        self.alignment.clone_from(known.alignment());
-        self.health.end_throw(offsets, &known.config().perception);
-        self.sensed.clear();
-        self.imaged_s = [None; 2];
-        self.poses.clear();
-        self.image_poses.clear();
-        self.unlabelled_s = None;
-    }
-
-    /// The status of each camera.
-    pub fn camera_statuses(&self) -> &[CameraStatus] {
-        self.health.statuses()
+        self.health.end_throw(offsets, &known.config.perception);
+        let (health, compared) = (self.health.clone(), self.compared);
+        *self = Self { health, compared, ..Self::new(known, self.compares_cameras) };
     }
 
     /// Forgets the object's poses but for the newest `count`.
     pub fn keep_newest(&mut self, count: usize) {
         self.poses.drain(..self.poses.len().saturating_sub(count));
-    }
-
-    /// The object's poses so far, oldest first.
-    pub fn poses(&self) -> &[ObjectPose] {
-        &self.poses
     }
 
     /// Times of the newest observation with images and of the one before.
@@ -154,7 +140,7 @@ impl Tracker {
         frames: &[DepthFrame],
         flight: &mut Option<FlightTrajectory>,
         known: &Preparation,
-        estimator: &mut impl PoseEstimator,
+        estimator: &mut dyn PoseEstimator,
     ) -> Option<ObjectPose> {
         let unlabelled_s = frames.iter().filter(|frame| frame.mask.is_none()).map(|frame| frame.capture_s);
         self.unlabelled_s = self.unlabelled_s.into_iter().chain(unlabelled_s).reduce(f64::max);
@@ -166,12 +152,12 @@ impl Tracker {
             surroundings.clear();
             for frames in frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
                 let of_arm = self.surroundings(known, frames[0].capture_s);
-                let (cameras, config) = (known.cameras(), &known.config().perception);
+                let (cameras, config) = (&known.cameras, &known.config.perception);
                 self.health.observe(frames, cameras, of_arm.as_ref(), config);
                 self.alignment.observe(frames, cameras, of_arm.as_ref(), config);
                 surroundings.extend(frames.iter().filter_map(|_| of_arm));
             }
-            let (cameras, left_out) = (self.alignment.cameras(), self.health.left_out());
+            let (cameras, left_out) = (&self.alignment.cameras, &self.health.left_out);
             let mut view = View { frames, cameras, left_out, surroundings: &surroundings, V_WO: Twist::default() };
             view.V_WO = flight.as_ref().map_or(view.V_WO, |flight| flight.twist_at(view.capture_s()));
             if let Some(flight) = flight.as_ref().filter(|_| self.compares_cameras && self.image_poses.len() < POSES) {
@@ -188,7 +174,7 @@ impl Tracker {
                 self.poses.iter_mut().for_each(|it| it.X_WO *= T);
                 *flight = None;
             } else if let Some(X_WO) = &expected {
-                pose.X_WO.rotation = known.reference().symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
+                pose.X_WO.rotation = known.reference.symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
             }
             remember(&mut self.poses, pose);
             newest = Some(pose);
@@ -210,12 +196,12 @@ impl Tracker {
         let next_s = observation.time_s + period_s;
         let place = flight.map_or_else(|| self.on_parabola(next_s), |flight| Some(Place::on_flight(flight, next_s)))?;
         self.unlabelled_s.filter(|newest_s| *newest_s <= place.seen_s + LOST_AFTER_S)?;
-        let radius_m = known.reference().radius_m + GATE_M + place.uncertainty_m + place.v_WO.norm() * period_s;
+        let radius_m = known.reference.radius_m + GATE_M + place.uncertainty_m + place.v_WO.norm() * period_s;
         let window = |(camera, left_out): (&CameraModel, &bool)| match left_out {
             true => PixelWindow::default(),
             false => camera.window_around(&camera.X_WC.inverse_transform_point(&place.p_WO.into()), radius_m),
         };
-        Some(self.alignment.cameras().iter().zip(self.health.left_out()).map(window).collect())
+        Some(self.alignment.cameras.iter().zip(&self.health.left_out).map(window).collect())
     }
 
     /// Where the object is before there is a flight: on the parabola through the first pose and the newest.
@@ -248,7 +234,7 @@ impl Tracker {
         let fraction = if span_s > 0.0 { ((time_s - before.time_s) / span_s).clamp(0.0, 1.0) } else { 1.0 };
         let q = before.q + (after.q - before.q) * fraction;
         let width_m = before.width_m + (after.width_m - before.width_m) * fraction;
-        Some(Surroundings { arm: known.arm_surface(), X_WL: known.search().motion().robot().link_poses(&q), width_m })
+        Some(Surroundings { arm: &known.arm_surface, X_WL: known.search.motion.robot.link_poses(&q), width_m })
     }
 }
 
@@ -343,7 +329,7 @@ mod tests {
     }
 
     fn observation(time_s: f64, known: &Preparation, frames: Vec<DepthFrame>) -> Observation {
-        let q = known.search().motion().robot().ready_q;
+        let q = known.search.motion.robot.ready_q;
         let (dq, commanded) = (JointVector::zeros(), Setpoint::at_rest(q));
         let arm = ArmState { time_s, q, dq, commanded, executing: None, rejected: Vec::new() };
         let gripper = GripperState { width_m: 0.1, speed_mps: 0.0, force_n: 0.0, grasp: GraspState::Idle };
@@ -364,7 +350,7 @@ mod tests {
         tracker.poses[0].X_WO.translation.x += 0.01;
         tracker.poses.push(seen(0.05));
         tracker.poses[1].X_WO.translation.x -= 0.01;
-        for (camera, window) in known.cameras().iter().zip(windows(&tracker).unwrap()) {
+        for (camera, window) in known.cameras.iter().zip(windows(&tracker).unwrap()) {
             let uv = camera.project(&camera.X_WC.inverse_transform_point(&place(0.06))).unwrap();
             let in_image = uv.x > 0.0 && uv.x < camera.width_px.into() && uv.y > 0.0 && uv.y < camera.height_px.into();
             let is_inside =
@@ -381,7 +367,7 @@ mod tests {
     #[test]
     fn each_camera_gets_its_turn_to_be_compared() {
         let known = preparation();
-        let cameras = known.cameras().len();
+        let cameras = known.cameras.len();
         let (mut tracker, mut blind) = (Tracker::new(&known, true), Blind(Vec::new()));
         let flight = FlightTrajectory { v_WOcm: Vector3::x(), ..FlightTrajectory::default() };
         for i in 0..2 * cameras {

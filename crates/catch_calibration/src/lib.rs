@@ -24,7 +24,7 @@
 //!     gripper: &catch_body::Gripper,
 //!     guesses: &[CameraModel],
 //! ) -> Result<Calibration, C::Error> {
-//!     let (config, robot) = (Config::default(), planner.robot().clone());
+//!     let (config, robot) = (Config::default(), planner.robot.clone());
 //!     let poses = choose_poses(&config, &planner, gripper, guesses);
 //!     let mut run = CalibrationRun::new(config.clone(), planner, guesses, poses);
 //!     while !run.is_done() {

@@ -47,7 +47,7 @@ pub fn choose_poses(
     gripper: &Gripper,
     cameras: &[CameraModel],
 ) -> Vec<JointVector> {
-    let robot = planner.robot();
+    let robot = &planner.robot;
     let surface = ArmSurface::new(robot, gripper);
     let small: Vec<CameraModel> = cameras.iter().map(smaller).collect();
     let mut candidates: Vec<Candidate> = clear_poses(config, robot, gripper)

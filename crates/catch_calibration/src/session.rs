@@ -92,7 +92,7 @@ impl CalibrationRun {
         let from = observation.arm.commanded.q;
         while let Some(to) = self.poses.get(self.next_pose) {
             let start_s = observation.time_s + self.config.expected_latency_s;
-            let ready_q = self.planner.robot().ready_q;
+            let ready_q = self.planner.robot.ready_q;
             let spline = (self.tries < TRIES)
                 .then(|| {
                     let mut ways = [None, Some(&ready_q)].into_iter();

@@ -58,9 +58,9 @@ impl FlightRun {
     /// `known` has the object, and the cameras as they are calibrated; `calibration` what is to be added to
     /// their time stamps. It ends after `duration_s`, or when the object has hit something or is gone.
     pub fn new(known: Arc<Preparation>, calibration: &Calibration, duration_s: f64) -> Self {
-        let motion = known.search().motion();
+        let motion = &known.search.motion;
         Self {
-            surface: ArmSurface::new(motion.robot(), motion.gripper()),
+            surface: ArmSurface::new(&motion.robot, &motion.gripper),
             time_offsets_s: calibration.cameras.iter().map(|it| it.time_offset_s).collect(),
             left_out: calibration.cameras.iter().map(|it| it.status != CalibrationStatus::Converged).collect(),
             duration_s,
@@ -90,7 +90,7 @@ impl FlightRun {
     /// Takes in images of about one time.
     fn see(&mut self, frames: &[DepthFrame]) {
         let known = self.known.clone();
-        let robot = known.search().motion().robot();
+        let robot = &known.search.motion.robot;
         let arm_at = |frame: &DepthFrame| {
             let sample = arm_at(&self.arm, frame.capture_s)?;
             Some((robot.link_poses(&sample.q), sample.width_m))
@@ -101,7 +101,7 @@ impl FlightRun {
             arm.into_iter().map(|(X_WL, width_m)| Surroundings { arm: surface, X_WL, width_m }).collect();
         let mut view = View {
             frames,
-            cameras: known.cameras(),
+            cameras: &known.cameras,
             left_out: &self.left_out,
             surroundings: &surroundings,
             V_WO: Twist::default(),
@@ -123,7 +123,7 @@ impl FlightRun {
                 let one = View { frames: &frames[i..=i], surroundings: &surroundings[i..=i], ..view };
                 let pose = self.estimator.estimate_aside(&one, &flight.pose_at(frame.capture_s));
                 let pose = pose.filter(|it| is_on(flight, it));
-                let camera = known.cameras().get(frame.camera);
+                let camera = known.cameras.get(frame.camera);
                 let sighting = camera.zip(pose).and_then(|(camera, pose)| {
                     let p_WOcm = pose.X_WO * Point3::from(flight.com_O);
                     self.sighting(frame, camera, &p_WOcm, &position_covariance(&pose)?)
@@ -188,7 +188,7 @@ impl Brain for FlightRun {
         let is_gone =
             self.poses.len() >= FEW_POSES && self.poses.last().is_some_and(|it| now_s > it.capture_s + GONE_S);
         self.is_done = is_over || is_gone || self.beside >= ENDING_POSES;
-        let windows = self.known.cameras().iter().map(CameraModel::full_window).collect::<Vec<PixelWindow>>();
+        let windows = self.known.cameras.iter().map(CameraModel::full_window).collect::<Vec<PixelWindow>>();
         Command { windows: Some(windows), ..Command::default() }
     }
 

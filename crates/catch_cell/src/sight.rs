@@ -36,7 +36,7 @@ impl<'a> Sight<'a> {
     pub fn new(camera: &'a CameraModel, X_WB: &Pose, surface: &'a RayCaster) -> Self {
         let X_BC = X_WB.inv_mul(&camera.X_WC);
         let (R_BC, p_BC) = (X_BC.rotation.to_rotation_matrix().into_inner(), X_BC.translation.vector.into());
-        let centre_C = Point3::from(R_BC.tr_mul(&(surface.centre() - p_BC)));
+        let centre_C = Point3::from(R_BC.tr_mul(&(surface.centre - p_BC)));
         let mut sight = Self { camera, surface, R_BC, p_BC, centre_C, window: PixelWindow::default() };
         sight.window = sight.window_of(&centre_C);
         sight
@@ -44,7 +44,7 @@ impl<'a> Sight<'a> {
 
     /// The smallest depth that the surface may have, in metres.
     pub fn nearest_m(&self) -> f64 {
-        self.centre_C.z - self.surface.radius()
+        self.centre_C.z - self.surface.radius
     }
 
     /// The pixels that the surface may cover.
@@ -63,7 +63,7 @@ impl<'a> Sight<'a> {
         // Most rays pass by the ball around the surface, which costs least to find out here.
         let along = self.centre_C.coords.dot(ray_C) / ray_C.norm_squared();
         let passes_by =
-            (self.centre_C.coords - ray_C * along).norm_squared() > self.surface.radius().powi(2) * (1.0 + 1e-9);
+            (self.centre_C.coords - ray_C * along).norm_squared() > self.surface.radius.powi(2) * (1.0 + 1e-9);
         if passes_by { None } else { self.surface.cast_within(&self.p_BC, &(self.R_BC * ray_C), limit_m) }
     }
 
@@ -77,11 +77,11 @@ impl<'a> Sight<'a> {
     }
 
     fn window_of(&self, centre_C: &Point3<f64>) -> PixelWindow {
-        let (camera, z, radius) = (self.camera, centre_C.z, self.surface.radius());
+        let (camera, z, radius) = (self.camera, centre_C.z, self.surface.radius);
         if z + radius <= 0.0 {
             return PixelWindow::default();
         }
-        let half_size = self.surface.half_size();
+        let half_size = self.surface.half_size;
         let [a, b, c] = [0, 1, 2].map(|axis| self.R_BC.row(axis).transpose() * half_size[axis]);
         let corners = [a + b + c, a + b - c, a - b + c, a - b - c].map(|corner| [corner, -corner]);
         // The image of a ball or box that the camera's plane cuts is unbounded.
@@ -104,7 +104,7 @@ impl<'a> Sight<'a> {
     /// Puts the surface, number `number` of a buffer, where it is nearer than what is there.
     fn draw(&self, number: u32, buffer: &mut DepthBuffer) {
         let part = self.window.intersection(&buffer.window);
-        if self.nearest_m() <= NEAR_M || self.surface.mesh().triangles.len() >= TRIANGLES_PER_PIXEL * part.area() {
+        if self.nearest_m() <= NEAR_M || self.surface.mesh.triangles.len() >= TRIANGLES_PER_PIXEL * part.area() {
             for row in part.rows() {
                 for column in part.columns() {
                     let pixel = buffer.pixel(column, row);
@@ -120,7 +120,7 @@ impl<'a> Sight<'a> {
 
     /// Draws a part of a buffer by scan conversion.
     fn rasterize(&self, number: u32, part: &PixelWindow, buffer: &mut DepthBuffer) {
-        let mesh = self.surface.mesh();
+        let mesh = &self.surface.mesh;
         let slopes: Vec<f64> = part.columns().map(|column| self.ray_C(column, 0).x).collect();
         let in_image = |p_B: &Point3<f64>| {
             let p_C = self.in_camera(p_B);

@@ -46,8 +46,9 @@ impl FlightPredictor for Parabola {
 
 fn main() -> anyhow::Result<()> {
     let own = BrainFactory::new(|setup, _, _| {
-        let (known, estimator) = (setup.known().clone(), setup.known().pose_estimator());
-        Box::new(CatchingBot::with_stages(known, estimator, Parabola, setup.known().catch_planner()))
+        let known = setup.known().clone();
+        let (estimator, planner) = (Box::new(known.pose_estimator()), Box::new(known.catch_planner()));
+        Box::new(CatchingBot::with_stages(known, estimator, Box::new(Parabola), planner))
     });
     println!("{:14} {:14} caught", "throw", "prediction");
     for throw in ["near_sampled", "far_sampled"] {

@@ -115,7 +115,7 @@ pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
         }
         let planner = planners.iter().find(|(known, y, _)| (*known, *y) == (name, centre)).map(|it| &it.2);
         let planner = planner.expect("it was made just now");
-        let (q, dq) = case.start(&file, planner.motion().robot())?;
+        let (q, dq) = case.start(&file, &planner.motion.robot)?;
         let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
         rows.push(row(planner, &start, case, arguments.general));
     }
@@ -135,7 +135,7 @@ fn planner(robot: Robot, mut gripper: Gripper, grasp_centre_y_m: f64) -> PosedPl
 fn row(planner: &PosedPlanner, start: &Start, case: &PlannerCase, general: bool) -> Row {
     let plan = || {
         if general {
-            return catch_paper::general::catch_at(planner.motion(), start, &case.target)
+            return catch_paper::general::catch_at(&planner.motion, start, &case.target)
                 .ok_or(PlanningFailure::NoMotion);
         }
         planner.catch_at(start, &case.target)
@@ -164,7 +164,7 @@ fn timed<T>(mut run: impl FnMut() -> T) -> (T, f64) {
 }
 
 fn figures(planner: &PosedPlanner, start: &Start, case: &PlannerCase, plan: &PosedCatch) -> PlanFigures {
-    let (robot, target, spline) = (planner.motion().robot(), &case.target, &plan.spline);
+    let (robot, target, spline) = (&planner.motion.robot, &case.target, &plan.spline);
     let [q, dq, _] = spline.evaluate(target.catch_s);
     let X_WL = robot.link_poses(&q);
     let X_WG = robot.gripper_in(&X_WL);

@@ -198,10 +198,10 @@ mod tests {
     #[test]
     fn a_grown_scan_is_larger_by_the_stated_length() {
         let mut setup = Setup::load(&Choice { object: Some("tennis_ball"), ..Choice::default() }).unwrap();
-        let before = setup.known().reference().volume_m3;
+        let before = setup.known().reference.volume_m3;
         let mut grown = Setup::load(&Choice { object: Some("tennis_ball"), ..Choice::default() }).unwrap();
         grow_scan(&mut grown, 0.001);
-        let ratio = libm::cbrt(grown.known().reference().volume_m3 / before);
+        let ratio = libm::cbrt(grown.known().reference.volume_m3 / before);
         assert!((ratio - 68.2 / 67.2).abs() < 1e-3, "{ratio}");
         move_centre_of_mass(&mut setup, 0.005);
         assert!((setup.object.mesh.mass_properties(1.0).com.coords.norm() - 0.005).abs() < 1e-4);

@@ -206,13 +206,13 @@ fn written(source: &Path, folder: &Path) -> Result<PathBuf> {
 /// Describes the model that the brain made of the scan.
 fn model(setup: &Setup) -> Vec<Entry> {
     let known = setup.known();
-    let (reference, object) = (known.reference(), &setup.object);
+    let (reference, object) = (&known.reference, &setup.object);
     let uniform = object.mesh.mass_properties(object.mass_kg).com;
     vec![
         Entry::Number(Some(object.mass_kg)),
         Entry::Number(Some(100.0 * reference.volume_m3 / object.mesh.volume())),
         Entry::Number(Some(1e3 * (reference.X_RO.translation.vector - uniform.coords).norm())),
-        Entry::Count(known.grasps().grasps.len()),
+        Entry::Count(known.grasps.grasps.len()),
     ]
 }
 
@@ -269,7 +269,7 @@ impl Outcome {
 /// Error of the angular velocity when the object had been seen for a while and nothing had touched it; of
 /// objects whose rotation can be seen.
 fn spin_error_radps(setup: &Setup, trial: &Trial, verdict: &Verdict) -> Option<f64> {
-    if !matches!(setup.known().reference().symmetry, Symmetry::Finite { .. }) {
+    if !matches!(setup.known().reference.symmetry, Symmetry::Finite { .. }) {
         return None;
     }
     let reports = || trial.snapshots.iter().filter_map(|it| it.report.as_ref());

@@ -2,13 +2,13 @@
 //! poses and predictions are compared with the truth.
 
 use anyhow::Result;
+use catch_bot::CatchingBot;
 use catch_cell::{Brain, Cell, Command, Observation, PixelWindow};
 use catch_lab::{
     assets::Kind,
     parallel,
     scenario::setup::{Choice, Setup},
 };
-use catch_recording::brain::ChosenBrain;
 use catch_sim::{Truth, TruthSample};
 use nalgebra::Vector3;
 
@@ -84,7 +84,7 @@ pub fn look(
     setup: &Setup,
     seed: u64,
     index: u64,
-    tick: &mut dyn FnMut(&mut ChosenBrain, &Observation) -> Command,
+    tick: &mut dyn FnMut(&mut CatchingBot, &Observation) -> Command,
 ) -> Truth {
     let (mut arena, mut brain) = (setup.arena(seed, index), setup.brain(seed, index));
     loop {
@@ -135,7 +135,7 @@ impl Errors {
             reports.push((observation.time_s, brain.report().clone()));
             command
         });
-        let symmetry = setup.known().reference().symmetry;
+        let symmetry = setup.known().reference.symmetry;
         self.throws += 1;
         let mut is_first = true;
         for (_, report) in &reports {

@@ -12,7 +12,7 @@ use std::{
 use catch_body::InputError;
 use catch_bot::{
     Report,
-    cycle::{CatchingCycle, Phase},
+    cycle::{CatchingCycle, HOLD_S, Phase},
 };
 use catch_cell::{Brain, Cell};
 use catch_sim::{
@@ -27,13 +27,10 @@ use crate::{
         self, HELD_UNTIL_S, Row,
         faulty_cameras::{FaultyCamera, faulty_cameras},
     },
-    scenario::{Scenario, setup::Setup},
+    scenario::setup::Setup,
     trial::{self, EndWatch, StateSnapshot, Trial, stopwatch::Stopwatch},
 };
-use catch_recording::{
-    Tick,
-    brain::{BrainSettings, ChosenCycle},
-};
+use catch_recording::Tick;
 use throw_recorder::ThrowRecorder;
 
 /// Longest time until the arm is ready again before it counts as stuck, in seconds of the cell's clock; the
@@ -42,6 +39,8 @@ const STUCK_AFTER_S: f64 = 60.0;
 /// An object has been put down if it is no farther from where the hand opens than this, seen from above, in
 /// metres.
 const PLACED_WITHIN_M: f64 = 0.4;
+/// The hand holds an object for as long as the referee watches what is held.
+const _: () = assert!(HOLD_S > HELD_UNTIL_S);
 
 /// One throw of many.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -129,16 +128,10 @@ impl Play {
     /// If the scenario does not say where objects are put down; a throw that [cannot be
     /// thrown](Setup::check_throw); a recording that cannot be written.
     pub fn run(&self, on_row: &mut dyn FnMut(&PlayRow)) -> Result<Life, InputError> {
-        let Scenario { name, brain: BrainSettings { cycle, .. }, .. } = &self.setups[0].scenario;
-        let (place_q, of_cycle) = (self.setups[0].place_q()?, |field: &str| format!("brain.cycle.{field}"));
-        if cycle.hold_s <= HELD_UNTIL_S {
-            let expected = format!("more than {HELD_UNTIL_S}, for which the referee watches what is held");
-            return Err(InputError::new(name, of_cycle("hold_s"), cycle.hold_s, expected));
-        }
+        let place_q = self.setups[0].place_q()?;
         (0..self.throws).try_for_each(|index| self.setups[self.object(index)].check_throw(self.seed, index))?;
         let bots = self.setups.iter().map(|setup| setup.brain(self.seed, 0)).collect();
-        let brain = CatchingCycle::new(cycle.clone(), place_q, bots)
-            .map_err(|it| InputError::new(name, of_cycle(&it.field), it.found, it.expected))?;
+        let brain = CatchingCycle::new(place_q, bots);
         let arena = self.setups[self.object(0)].arena(self.seed, 0);
         let mut cell = LivingCell { arena, brain, stopwatch: Stopwatch::default(), recorder: None };
         let place_W = {
@@ -201,7 +194,7 @@ impl Play {
 /// The arena and the brain that lives in it.
 struct LivingCell {
     arena: Arena,
-    brain: ChosenCycle,
+    brain: CatchingCycle,
     stopwatch: Stopwatch,
     /// Recording of the present throw, until the arm waits again.
     recorder: Option<ThrowRecorder>,

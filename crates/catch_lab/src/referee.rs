@@ -145,7 +145,7 @@ impl Row {
 /// The origin of the arena's O in the brain's O, which has its origin where the centre of mass would be at
 /// uniform density: the object's true centre of mass, but for bodies as published.
 pub fn true_com_O(setup: &Setup) -> Point3<f64> {
-    setup.known().reference().X_RO.inverse_transform_point(&Point3::origin())
+    setup.known().reference.X_RO.inverse_transform_point(&Point3::origin())
 }
 
 /// Data that the referee judges.
@@ -195,7 +195,7 @@ impl<'a> Evidence<'a> {
             known: Some(Known {
                 object: &setup.object,
                 com_O: true_com_O(setup),
-                symmetry: setup.known().reference().symmetry,
+                symmetry: setup.known().reference.symmetry,
             }),
         }
     }

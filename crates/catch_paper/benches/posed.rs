@@ -20,7 +20,7 @@ fn given_pose(criterion: &mut Criterion) {
     let planner = PosedPlanner::new(arm::planner(|config| {
         (config.position_margin_rad, config.velocity_scaling, config.torque_scaling) = (0.0, 1.0, 1.0);
     }));
-    let start = arm::at_rest(planner.motion(), &[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57], 0.0);
+    let start = arm::at_rest(&planner.motion, &[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57], 0.0);
     let R_WG = Matrix3::new(
         0.414658374,
         -0.064322357,
@@ -45,7 +45,7 @@ fn given_pose(criterion: &mut Criterion) {
     criterion
         .bench_function("given_pose/5 mm aside", |bencher| bencher.iter(|| planner.retarget_at(&start, &aside, &plan)));
     criterion.bench_function("given_pose/general form", |bencher| {
-        bencher.iter(|| general::catch_at(planner.motion(), &start, &target));
+        bencher.iter(|| general::catch_at(&planner.motion, &start, &target));
     });
 }
 

@@ -26,7 +26,7 @@ const GOOD_ENOUGH: f64 = 0.99;
 /// The motion to `target` with the highest speed fraction that was found, the acceleration at the start being
 /// free; `None` if none was found, which proves nothing.
 pub fn catch_at(planner: &MotionPlanner, start: &Start, target: &Target) -> Option<PosedCatch> {
-    let (robot, config) = (planner.robot(), planner.config());
+    let MotionPlanner { robot, config, .. } = planner;
     let scaling = LimitScaling { velocity: config.velocity_scaling, acceleration: 1.0 - ROUNDING };
     let reaches = planner.reaches(start, target.catch_s - start.time_s, scaling);
     let ranges = planner.ranges(&reaches, &start.state.q);
@@ -48,7 +48,7 @@ pub fn catch_at(planner: &MotionPlanner, start: &Start, target: &Target) -> Opti
         waypoints: vec![Waypoint {
             time_s: catch_s,
             X_WG,
-            p_GP: planner.gripper().grasp_centre(),
+            p_GP: planner.gripper.grasp_centre(),
             v_WO,
             fraction: None,
             tolerance: Tolerance::NONE,

@@ -14,15 +14,15 @@
 //!
 //! ```
 //! use std::sync::Arc;
-//! use catch_bot::{CatchingBot, Preparation, control::TimeGridSearch, perception::SdfEstimator};
+//! use catch_bot::{CatchingBot, Preparation};
 //! use catch_paper::{Config, RansacPredictor};
 //!
 //! /// A brain that predicts flights as the paper does, and does all else its own way.
-//! fn brain(known: Arc<Preparation>, seed: u64) -> CatchingBot<SdfEstimator, RansacPredictor, TimeGridSearch> {
-//!     let settings = known.config().trajectory_prediction.clone();
-//!     let predictor = RansacPredictor::new(settings, Config::default().prediction, known.reference().symmetry, seed);
-//!     let (estimator, planner) = (known.pose_estimator(), known.catch_planner());
-//!     CatchingBot::with_stages(known, estimator, predictor, planner)
+//! fn brain(known: Arc<Preparation>, seed: u64) -> CatchingBot {
+//!     let settings = known.config.trajectory_prediction.clone();
+//!     let predictor = RansacPredictor::new(settings, Config::default().prediction, known.reference.symmetry, seed);
+//!     let (estimator, planner) = (Box::new(known.pose_estimator()), Box::new(known.catch_planner()));
+//!     CatchingBot::with_stages(known, estimator, Box::new(predictor), planner)
 //! }
 //! ```
 //!

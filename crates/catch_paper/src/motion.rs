@@ -222,7 +222,7 @@ fn completed(planner: &MotionPlanner, found: &BSpline, grasp: &Grasp, config: &C
 
 /// Joint positions that put the gripper at `X_WG`, near the comfortable pose.
 fn inverse_kinematics(planner: &MotionPlanner, X_WG: &Pose, config: &Config) -> Option<JointVector> {
-    let robot = planner.robot();
+    let robot = &planner.robot;
     let mut ranges = [[0.0; 2]; MAX_JOINTS];
     for (range, joint) in ranges.iter_mut().zip(&robot.joints) {
         *range = [joint.limits.lower, joint.limits.upper];
@@ -254,7 +254,7 @@ fn problem<'a>(
     (tolerances, duration_s): (&Tolerances, f64),
     config: &Config,
 ) -> Problem<'a> {
-    let robot = planner.robot();
+    let robot = &planner.robot;
     let tolerance = tolerances.gripper;
     // The frame P that is put where the gripper is meant to be.
     let p_GP = Point3::new(0.0, config.weld_error_m(), 0.0);
@@ -308,7 +308,7 @@ fn problem<'a>(
 fn catch_plan(planner: &MotionPlanner, goal: &Goal<'_>, found: &BSpline, trajectory: BSpline) -> CatchPlan {
     let (catch_s, grasp) = (goal.catch_s, goal.grasp);
     let [q, dq, _] = found.evaluate(catch_s);
-    let V_WG = planner.robot().gripper_twist(&q, &dq);
+    let V_WG = planner.robot.gripper_twist(&q, &dq);
     let v_WO = goal.flight.twist_at(catch_s).linear;
     CatchPlan {
         catch_s,

@@ -27,21 +27,21 @@ pub struct PaperPlanner {
 impl PaperPlanner {
     /// Creates the planner for the arm and the object of a preparation; grasps are drawn by `seed`.
     pub fn new(config: Config, known: &Preparation, seed: u64) -> Self {
-        Self { config, reference: known.reference().clone(), search: known.search().clone(), seed }
+        Self { config, reference: known.reference.clone(), search: known.search.clone(), seed }
     }
 
     /// Grasp, catch time and a first motion.
     fn first(&self, situation: &Situation<'_>) -> (Status, Option<CatchPlan>) {
-        let (config, planner) = (&self.config, self.search.motion());
+        let (config, planner) = (&self.config, &self.search.motion);
         let (time_s, flight) = (situation.observed_s.0 + ROUNDING_S, situation.flight);
-        let base = Point3::from(planner.robot().X_WB.translation.vector);
+        let base = Point3::from(planner.robot.X_WB.translation.vector);
         let Some(catch_s) = catch_time_s(flight, situation.first_seen_s, &base) else {
             return (Status::OutOfReach, None);
         };
         if catch_s <= time_s + FREEZE_S {
             return (Status::OutOfReach, None);
         }
-        let arm = (planner.gripper(), &base);
+        let arm = (&planner.gripper, &base);
         let Some(chosen) = grasp::select(&self.reference, arm, (flight, catch_s), self.seed, &config.grasp) else {
             return (Status::NoGrasp, None);
         };
@@ -87,7 +87,7 @@ impl CatchPlanner for PaperPlanner {
             Some(running) => {
                 let again = if is_due && time_s <= running.catch_s - FREEZE_S {
                     let start = start(situation, &config.motion);
-                    motion::follow(self.search.motion(), &start, situation.flight, running, &config.motion)
+                    motion::follow(&self.search.motion, &start, situation.flight, running, &config.motion)
                 } else {
                     None
                 };

@@ -68,7 +68,8 @@ pub(super) struct Task<'a> {
 /// Plans catches whose time and pose are given, with the acceleration at the start free.
 #[derive(Debug)]
 pub struct PosedPlanner {
-    motion: MotionPlanner,
+    /// Planner of the motions.
+    pub motion: MotionPlanner,
     splines: CatchSplines,
 }
 
@@ -77,11 +78,6 @@ impl PosedPlanner {
     pub fn new(motion: MotionPlanner) -> Self {
         let splines = CatchSplines::new(&[1.0; 10], false);
         Self { motion, splines }
-    }
-
-    /// Planner of the motions.
-    pub fn motion(&self) -> &MotionPlanner {
-        &self.motion
     }
 
     /// The motion to `target` with the highest speed fraction over all redundancy.
@@ -138,7 +134,7 @@ impl PosedPlanner {
         known: &PosedCatch,
     ) -> Result<PosedCatch, PlanningFailure> {
         let task = self.task(start, target);
-        let adjusted = self.motion.finder().adjusted(self.motion.robot(), &target.X_WG, &known.posture, 0.0);
+        let adjusted = self.motion.finder.adjusted(&self.motion.robot, &target.X_WG, &known.posture, 0.0);
         let found = adjusted
             .filter(|it| task.reach_fraction(&it.q) <= 1.0)
             .and_then(|posture| task.easily(&posture).or_else(|| task.solve(&posture, -1.0)));
@@ -151,7 +147,7 @@ impl PosedPlanner {
 
     fn task<'a>(&'a self, start: &'a Start, target: &'a Target) -> Task<'a> {
         // Nothing is held back for replans.
-        let scaling = LimitScaling { velocity: self.motion.config().velocity_scaling, acceleration: 1.0 - ROUNDING };
+        let scaling = LimitScaling { velocity: self.motion.config.velocity_scaling, acceleration: 1.0 - ROUNDING };
         let reaches = self.motion.reaches(start, target.catch_s - start.time_s, scaling);
         let failures = FailureCounter::default();
         Task { planner: &self.motion, splines: &self.splines, start, target, reaches, failures, scaling }
@@ -166,8 +162,8 @@ impl Task<'_> {
 
     /// Postures that the arm can reach, with the largest fraction of its reach that a joint uses.
     fn postures(&self) -> Vec<(f64, Posture)> {
-        let found = self.planner.finder().postures(
-            self.planner.robot(),
+        let found = self.planner.finder.postures(
+            &self.planner.robot,
             &self.target.X_WG,
             &self.start.state.q,
             &self.ranges(),
@@ -177,12 +173,12 @@ impl Task<'_> {
     }
 
     fn reach_fraction(&self, q: &JointVector) -> f64 {
-        fraction_used(&self.reaches, &self.start.state.q, q, self.planner.robot().dof()).unwrap_or(2.0)
+        fraction_used(&self.reaches, &self.start.state.q, q, self.planner.robot.dof()).unwrap_or(2.0)
     }
 
     pub fn jacobian(&self, q: &JointVector) -> Jacobian {
-        let grasp_centre: Point3<f64> = self.target.X_WG * self.planner.gripper().grasp_centre();
-        self.planner.robot().jacobian(&self.planner.robot().link_poses(q), &grasp_centre)
+        let grasp_centre: Point3<f64> = self.target.X_WG * self.planner.gripper.grasp_centre();
+        self.planner.robot.jacobian(&self.planner.robot.link_poses(q), &grasp_centre)
     }
 
     fn point_to_point(&self, q: &JointVector) -> PointToPoint<'_> {
@@ -210,7 +206,7 @@ impl Task<'_> {
 
     fn exact_bounds(&self, q: &JointVector, acceleration_scaling: f64) -> Option<[Interval; MAX_JOINTS]> {
         let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
-        for i in 0..self.planner.robot().dof() {
+        for i in 0..self.planner.robot.dof() {
             let mut reach = self.reaches[i];
             reach.acceleration *= acceleration_scaling;
             let displacement = q[i] - self.start.state.q[i];
@@ -263,7 +259,7 @@ impl Task<'_> {
         for _ in 0..REFINEMENTS {
             let better = [step, -step].iter().find_map(|by| {
                 let swivel = best.elbow?.swivel + by;
-                let next = self.planner.finder().moved(&self.target.X_WG, &best, swivel)?;
+                let next = self.planner.finder.moved(&self.target.X_WG, &best, swivel)?;
                 let fraction = value(&next.q);
                 (fraction > most).then_some((fraction, next))
             });

@@ -98,7 +98,7 @@ impl PoseEstimator for IcpEstimator {
         let mut found = finder.find(view, prior, |Registration { reference, .. }, scene, X_WO| {
             Icp { config, reference, hierarchy }.register(scene, X_WO)
         })?;
-        if config.as_published && finder.reference().symmetry == Symmetry::Sphere {
+        if config.as_published && finder.reference.symmetry == Symmetry::Sphere {
             // The dropped rotation leaves the object's position as it is: it is about its own centre.
             found.X_WO.rotation = UnitQuaternion::identity();
         }

@@ -22,7 +22,7 @@ const PROOF_PIECES: usize = 4000;
 impl Task<'_> {
     /// Returns whether no swivel that the arm can reach leaves joint velocities that keep the direction.
     pub fn is_proven_unreachable(&self) -> bool {
-        let PostureFinder::Srs(srs) = self.planner.finder() else { return false };
+        let PostureFinder::Srs(srs) = &self.planner.finder else { return false };
         let Some(circle) = srs.elbow_circle(&self.target.X_WG) else { return true };
         let proof = Proof { task: self, srs, circle };
         let mut pieces = PROOF_PIECES;
@@ -35,14 +35,14 @@ impl Task<'_> {
     /// length of the arm beyond it.
     pub fn is_too_far(&self) -> bool {
         let planner = self.planner;
-        if matches!(planner.finder(), PostureFinder::Srs(_)) {
+        if matches!(planner.finder, PostureFinder::Srs(_)) {
             return true;
         }
-        let from = planner.robot().gripper_pose(&self.start.state.q);
+        let from = planner.robot.gripper_pose(&self.start.state.q);
         let far = (from.translation.vector - self.target.X_WG.translation.vector).norm();
-        let reached = (0..planner.robot().dof()).map(|i| {
+        let reached = (0..planner.robot.dof()).map(|i| {
             let angles = self.reaches[i].displacements();
-            planner.extents_m()[i] * angles.high.max(-angles.low)
+            planner.extents_m[i] * angles.high.max(-angles.low)
         });
         far > reached.sum::<f64>()
     }
@@ -77,7 +77,7 @@ impl Proof<'_> {
     }
 
     fn is_barred_as_one(&self, branch: Branch, swivel: f64, half: f64) -> bool {
-        let robot = self.task.planner.robot();
+        let robot = &self.task.planner.robot;
         let q = self.srs.solve_branch(&self.circle, swivel, branch);
         let turns = self.srs.turned_by(&self.circle, swivel, branch, half + 1e-9);
         let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
@@ -93,7 +93,7 @@ impl Proof<'_> {
         let jacobian = self.task.jacobian(&q);
         let Some(lambda) = shortfall(&jacobian, &self.task.target.v_WO, &bounds) else { return false };
         let X_WL = robot.link_poses(&q);
-        let grasp_centre: Point3<f64> = self.task.target.X_WG * self.task.planner.gripper().grasp_centre();
+        let grasp_centre: Point3<f64> = self.task.target.X_WG * self.task.planner.gripper.grasp_centre();
         let mut reached = 0.0;
         for i in 0..turns.len() {
             let (_, origin) = robot.joint_axis(&X_WL, i);

@@ -6,7 +6,7 @@ use std::{
 };
 
 use catch_body::{InputError, TriangleMesh};
-use catch_bot::Preparation;
+use catch_bot::{CatchingBot, Preparation};
 use catch_cell::{Brain as _, CameraModel, KnownObject, ObjectFigures, ReferenceScan, reference_scan, rig_from_toml};
 use catch_lab::{
     assets::Kind,
@@ -18,11 +18,7 @@ use catch_lab::{
     trial::{StateSnapshot, stopwatch::Stopwatch},
 };
 use catch_recording::{
-    EXTENSION, RecordedCell,
-    brain::{BrainSettings, ChosenBrain},
-    cell_recorder::CellRecorder,
-    reach_map,
-    sources::check_waits_clear,
+    EXTENSION, RecordedCell, brain::BrainSettings, cell_recorder::CellRecorder, reach_map, sources::check_waits_clear,
 };
 use nalgebra::Point3;
 use pyo3::{
@@ -45,7 +41,7 @@ use crate::{
 /// A brain, which has seen nothing yet when it is made.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Brain {
-    brain: Mutex<(Box<ChosenBrain>, Stopwatch)>,
+    brain: Mutex<(Box<CatchingBot>, Stopwatch)>,
     dof: usize,
     cameras: Vec<CameraModel>,
     origin: Origin,
@@ -75,7 +71,7 @@ impl Brain {
         }
     }
 
-    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut ChosenBrain, &mut Stopwatch) -> T + Send) -> T {
+    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut CatchingBot, &mut Stopwatch) -> T + Send) -> T {
         py.detach(|| {
             let (brain, stopwatch) = &mut *locked(&self.brain);
             work(brain, stopwatch)

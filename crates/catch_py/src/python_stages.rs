@@ -30,11 +30,11 @@ pub fn factory(predictor: Option<Maker>, planner: Option<Maker>) -> BrainFactory
         let (known, settings) = (setup.known_for(seed), setup.brain_config(seed, index));
         let seed_of_brain = settings.seed;
         let (estimator, ours, planning) = settings.stages(&known, seed_of_brain);
-        let predictor: Box<dyn FlightPredictor + Send> = match &predictor {
+        let predictor: Box<dyn FlightPredictor> = match &predictor {
             None => ours,
             Some(maker) => Box::new(PythonPredictor(maker.make(seed, index))),
         };
-        let planner: Box<dyn CatchPlanner + Send> = match &planner {
+        let planner: Box<dyn CatchPlanner> = match &planner {
             None => planning,
             Some(maker) => {
                 let made = maker.make(seed, index);
@@ -71,7 +71,7 @@ struct PythonPlanner {
     ours: Arc<Mutex<Planner>>,
 }
 
-type Planner = Box<dyn CatchPlanner + Send>;
+type Planner = Box<dyn CatchPlanner>;
 
 impl CatchPlanner for PythonPlanner {
     fn plan(&mut self, situation: &control::Situation<'_>) -> Decision {
@@ -168,7 +168,7 @@ impl Situation {
         // A radian counts as much as 10 cm.
         let distance =
             |it: &&Grasp| (it.X_OG * centre - X_OG * centre).norm() + 0.1 * it.X_OG.rotation.angle_to(&X_OG.rotation);
-        let grasps = &self.setup.known().grasps().grasps;
+        let grasps = &self.setup.known().grasps.grasps;
         let nearest = grasps.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
         Some(Grasp { X_OG, ..nearest.clone() })
     }

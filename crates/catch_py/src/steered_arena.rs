@@ -6,8 +6,6 @@ use std::sync::{Arc, Mutex, OnceLock};
 use catch_bot::{
     CatchingBot,
     control::{CatchPlanner, Decision, Situation, Status},
-    perception::PoseEstimator,
-    trajectory_prediction::FlightPredictor,
 };
 use catch_cell::{Brain as _, Command, Observation, PixelWindow};
 use catch_lab::{
@@ -34,9 +32,7 @@ use crate::{
 /// Width and height of a picture.
 const PICTURE_PX: [u32; 2] = [480, 360];
 
-/// Sees and predicts, and plans nothing.
-type Eyes = CatchingBot<Box<dyn PoseEstimator + Send>, Box<dyn FlightPredictor + Send>, NoPlanner>;
-
+/// Plans nothing.
 struct NoPlanner;
 
 impl CatchPlanner for NoPlanner {
@@ -59,7 +55,7 @@ struct State {
     episode: Option<Box<Episode>>,
     sensed: Observation,
     seen: Vec<SeenArray>,
-    eyes: Option<Box<Eyes>>,
+    eyes: Option<Box<CatchingBot>>,
     /// Windows of the next images, as in [`Command::windows`].
     windows: Option<Vec<PixelWindow>>,
     arm: Box<SteeredArm>,
@@ -110,11 +106,11 @@ impl SteeredArena {
 }
 
 /// Creates the perception and prediction of one scene.
-fn eyes(setup: &Setup, seed: u64, index: u64) -> Eyes {
+fn eyes(setup: &Setup, seed: u64, index: u64) -> CatchingBot {
     let known = setup.known_for(seed);
     let seed = setup.brain_config(seed, index).seed;
     let (estimator, predictor) = (Box::new(known.pose_estimator()), Box::new(known.flight_predictor(seed)));
-    CatchingBot::with_stages(known, estimator, predictor, NoPlanner)
+    CatchingBot::with_stages(known, estimator, predictor, Box::new(NoPlanner))
 }
 
 impl State {

@@ -6,12 +6,8 @@ use std::{
 };
 
 use catch_bot::{
-    CatchingBot, Config, Preparation, Report, control,
-    control::CatchPlanner,
-    cycle::{CatchingCycle, CycleConfig},
-    grasp_selection, perception,
-    perception::PoseEstimator,
-    trajectory_optimization, trajectory_prediction,
+    CatchingBot, Config, Preparation, Report, control, control::CatchPlanner, cycle::CatchingCycle, grasp_selection,
+    perception, perception::PoseEstimator, trajectory_optimization, trajectory_prediction,
     trajectory_prediction::FlightPredictor,
 };
 use catch_cell::{Brain, CameraModel, ObjectFigures};
@@ -51,8 +47,6 @@ pub struct BrainSettings {
     pub trajectory_optimization: trajectory_optimization::Config,
     /// Commands and their timing.
     pub control: control::Config,
-    /// Cycle of many throws: catch, place, get ready.
-    pub cycle: CycleConfig,
     /// Method of all stages that name none of their own.
     pub method: Method,
     /// Method of pose estimation, if not `method`.
@@ -88,28 +82,28 @@ impl BrainSettings {
     }
 
     /// A brain of the stages that the settings choose; it draws at random from `seed`.
-    pub fn brain(&self, known: Arc<Preparation>, seed: u64) -> ChosenBrain {
+    pub fn brain(&self, known: Arc<Preparation>, seed: u64) -> CatchingBot {
         let (estimator, predictor, planner) = self.stages(&known, seed);
         CatchingBot::with_stages(known, estimator, predictor, planner)
     }
 
     /// Creates the three stages of these methods.
     pub fn stages(&self, known: &Preparation, seed: u64) -> ChosenStages {
-        let Config { perception, trajectory_prediction, .. } = known.config().clone();
+        let Config { perception, trajectory_prediction, .. } = known.config.clone();
         let paper = self.paper_method;
-        let estimator: Box<dyn PoseEstimator + Send> = match self.pose_estimation.unwrap_or(self.method) {
+        let estimator: Box<dyn PoseEstimator> = match self.pose_estimation.unwrap_or(self.method) {
             Method::Ours => Box::new(known.pose_estimator()),
             Method::Paper => Box::new(IcpEstimator::new(
                 paper.registration,
                 perception,
-                known.reference().clone(),
-                known.workspace().clone(),
+                known.reference.clone(),
+                known.workspace.clone(),
             )),
         };
-        let predictor: Box<dyn FlightPredictor + Send> = match self.flight_prediction.unwrap_or(self.method) {
+        let predictor: Box<dyn FlightPredictor> = match self.flight_prediction.unwrap_or(self.method) {
             Method::Ours => Box::new(known.flight_predictor(seed)),
             Method::Paper => {
-                let symmetry = known.reference().symmetry;
+                let symmetry = known.reference.symmetry;
                 Box::new(RansacPredictor::new(trajectory_prediction, paper.prediction, symmetry, seed))
             }
         };
@@ -117,7 +111,7 @@ impl BrainSettings {
     }
 
     /// The planner that the settings choose; it draws at random from `seed`.
-    pub fn catch_planner(&self, known: &Preparation, seed: u64) -> Box<dyn CatchPlanner + Send> {
+    pub fn catch_planner(&self, known: &Preparation, seed: u64) -> Box<dyn CatchPlanner> {
         match self.catch_planning.unwrap_or(self.method) {
             Method::Ours => Box::new(known.catch_planner()),
             Method::Paper => Box::new(PaperPlanner::new(self.paper_method, known, seed)),
@@ -133,15 +127,7 @@ impl From<Config> for BrainSettings {
 }
 
 /// Stages that were chosen by settings.
-pub type ChosenStages = (Box<dyn PoseEstimator + Send>, Box<dyn FlightPredictor + Send>, Box<dyn CatchPlanner + Send>);
-
-/// A brain whose stages were chosen by settings.
-pub type ChosenBrain =
-    CatchingBot<Box<dyn PoseEstimator + Send>, Box<dyn FlightPredictor + Send>, Box<dyn CatchPlanner + Send>>;
-
-/// Catching cycle of many throws of several objects, with stages of any method.
-pub type ChosenCycle =
-    CatchingCycle<Box<dyn PoseEstimator + Send>, Box<dyn FlightPredictor + Send>, Box<dyn CatchPlanner + Send>>;
+pub type ChosenStages = (Box<dyn PoseEstimator>, Box<dyn FlightPredictor>, Box<dyn CatchPlanner>);
 
 /// A brain in a trial.
 pub trait ObservedBrain: Brain {
@@ -152,13 +138,13 @@ pub trait ObservedBrain: Brain {
     }
 }
 
-impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> ObservedBrain for CatchingCycle<E, P, C> {
+impl ObservedBrain for CatchingCycle {
     fn report(&self) -> Option<&Report> {
         self.report()
     }
 }
 
-impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> ObservedBrain for CatchingBot<E, P, C> {
+impl ObservedBrain for CatchingBot {
     fn report(&self) -> Option<&Report> {
         Some(self.report())
     }

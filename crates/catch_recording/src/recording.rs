@@ -164,7 +164,7 @@ pub struct Recorder {
     /// Bytes that an unpacked recording may have.
     room: u64,
     /// Time of the first image that was left out.
-    images_until_s: Option<f64>,
+    pub images_until_s: Option<f64>,
 }
 
 /// Writer that counts bytes before they are packed.
@@ -256,11 +256,6 @@ impl Recorder {
     pub fn leave_room(&mut self, bytes: u64) -> u64 {
         self.room = self.out.bytes + bytes;
         self.room
-    }
-
-    /// Returns the time of the first image that was left out for want of room; `None` where all are recorded.
-    pub fn images_until_s(&self) -> Option<f64> {
-        self.images_until_s
     }
 
     /// Adds the ending and gives the file its name, which is returned.

@@ -4,13 +4,12 @@
 use std::sync::Arc;
 
 use catch_body::InputError;
-use catch_bot::Preparation;
+use catch_bot::{CatchingBot, Preparation};
 use catch_cell::{Brain, Command};
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::{
-    brain::ChosenBrain,
     reach_map,
     reader::{Channel, Part, RecordingReader},
     recording::{Ending, RecordedCell},
@@ -80,7 +79,7 @@ pub const RECORDED: SourceNames = SourceNames {
 ///
 /// # Errors
 /// A recorded text or setting from which no brain can be made.
-pub fn brain_of(cell: &RecordedCell) -> Result<ChosenBrain, InputError> {
+pub fn brain_of(cell: &RecordedCell) -> Result<CatchingBot, InputError> {
     let (mut robot, gripper) = cell.sources.parse(&RECORDED)?;
     robot.ready_q = robot.checked_pose("the recording", "ready_rad", &cell.ready_rad)?;
     let (config, cameras) = (cell.brain.config(), cell.cameras.clone());

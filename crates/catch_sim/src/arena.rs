@@ -215,7 +215,7 @@ impl Arena {
         if !forces.contact.gripper() {
             return;
         }
-        self.truth.before_contact.get_or_insert_with(|| self.servo.report().into());
+        self.truth.before_contact.get_or_insert_with(|| (&self.servo.report).into());
         let from_s = self.disturb_after_s.map(|after_s| time_s + after_s);
         self.disturb_from_s = self.disturb_from_s.or(from_s);
     }
@@ -228,7 +228,7 @@ impl Arena {
     }
 
     fn update_report(&mut self) {
-        self.truth.servo.clone_from(self.servo.report());
+        self.truth.servo.clone_from(&self.servo.report);
         self.truth.servo.rejected_gripper_moves = self.drive.refused_moves();
     }
 
@@ -321,13 +321,13 @@ impl Arena {
             let state = self.world.state();
             if went_well && state.is_measurable() {
                 self.state = state;
-                forces = self.world.contact_forces();
+                forces = self.world.contact_forces;
             } else {
                 self.truth.diverged_s = Some(self.time_s());
             }
         }
         self.note_contact(self.time_s(), &forces);
-        self.encoders.pass_cycle(&before.q, (&self.state.q, &self.state.dq), self.servo.asked_radps2(), step_s);
+        self.encoders.pass_cycle(&before.q, (&self.state.q, &self.state.dq), &self.servo.asked_radps2, step_s);
         self.servo.watch(self.time_s(), step_s, &self.state.q, &self.state.dq, &before.dq);
         self.record(torque, &forces);
         self.look(false);
@@ -359,7 +359,7 @@ impl Arena {
 
     /// Moves the object along the recorded flight until something touches it or the recording ends.
     fn follow_path(&mut self) {
-        let untouched = !self.world.contact_forces().contact.any();
+        let untouched = !self.world.contact_forces.contact.any();
         let now_s = self.time_s();
         let recorded = self.path.as_ref().filter(|_| untouched).and_then(|(path, since_s)| path.at(now_s - since_s));
         match recorded {

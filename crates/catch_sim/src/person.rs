@@ -226,7 +226,7 @@ mod tests {
         let person = person(0);
         let lowest = |part: usize, time_s: f64| {
             let (X_WB, surface) = person.parts(time_s).nth(part).unwrap();
-            let foot = X_WB * Point3::new(0.0, 0.0, surface.centre().z - surface.half_size().z + 0.08);
+            let foot = X_WB * Point3::new(0.0, 0.0, surface.centre.z - surface.half_size.z + 0.08);
             (person.X_WP.inverse() * foot).coords
         };
         let mut apart = Vec::new();

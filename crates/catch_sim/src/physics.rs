@@ -133,7 +133,7 @@ pub struct World {
     /// Stiffness of the object's surface, if it is soft.
     stiffness_npm: Option<f64>,
     /// Contact forces of the last step.
-    contact_forces: ContactForces,
+    pub contact_forces: ContactForces,
 }
 
 /// Normal impulses on the object in a step, by the part that pushes, in N·s.
@@ -315,10 +315,5 @@ impl World {
         let (q, finger_m) = self.machine.apart(&self.machine.positions);
         let (dq, finger_mps) = self.machine.apart(&self.machine.velocities);
         WorldState { q, dq, finger_m, finger_mps, X_WO, V_WO }
-    }
-
-    /// Forces on the object during the last step.
-    pub fn contact_forces(&self) -> ContactForces {
-        self.contact_forces
     }
 }

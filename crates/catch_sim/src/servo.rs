@@ -31,10 +31,11 @@ pub struct Servo {
     /// Acceleration from the integral of the joints' position errors, in rad/s².
     error_integral: JointVector,
     /// Acceleration that was last demanded of the joints, in rad/s².
-    asked_radps2: JointVector,
+    pub asked_radps2: JointVector,
     /// Excursions that last: entries of the report by limit and joint.
     excursions: HashMap<(LimitKind, usize), usize>,
-    report: ServoReport,
+    /// Report of the controller so far.
+    pub report: ServoReport,
 }
 
 impl Servo {
@@ -59,11 +60,6 @@ impl Servo {
             excursions: HashMap::new(),
             report: ServoReport::default(),
         }
-    }
-
-    /// Report of the controller so far.
-    pub fn report(&self) -> &ServoReport {
-        &self.report
     }
 
     /// Takes the report since the last call, or since the beginning.
@@ -142,11 +138,6 @@ impl Servo {
         }
         self.asked_radps2 = acceleration;
         torque
-    }
-
-    /// The joints' accelerations that the last torques were computed for.
-    pub fn asked_radps2(&self) -> &JointVector {
-        &self.asked_radps2
     }
 
     /// Watches the limits in motion, by where the joints truly are at `time_s` and their velocity one step

@@ -88,7 +88,7 @@ impl Playback {
             }
         };
         let header = reader.header;
-        let known = brain_of(&header.cell)?.known().clone();
+        let known = brain_of(&header.cell)?.known.clone();
         let (robot, gripper) = header.cell.sources.parse(&catch_recording::replay::RECORDED)?;
         Ok(Self { header, ticks, ending, robot, gripper, known, times: ThrowTimes::read(path) })
     }

@@ -154,7 +154,7 @@ impl<'a> Body<'a> {
         Self {
             X_WB,
             R_BW: X_WB.rotation.inverse().to_rotation_matrix().into_inner(),
-            centre_W: X_WB * caster.centre(),
+            centre_W: X_WB * caster.centre,
             caster,
             sight: Sight::new(camera, &X_WB, caster),
             colour: looks.0,
@@ -250,7 +250,7 @@ impl Shot<'_> {
         let blocked = |body: &Body| {
             let offset = body.centre_W - p_W;
             let miss = offset - self.sun * offset.dot(&self.sun);
-            miss.norm_squared() <= body.caster.radius().powi(2)
+            miss.norm_squared() <= body.caster.radius.powi(2)
                 && body.caster.cast(&body.X_WB.inverse_transform_point(&p_W), &(body.R_BW * self.sun)).is_some()
         };
         let shadow =

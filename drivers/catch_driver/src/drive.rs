@@ -4,10 +4,10 @@ use std::{io, ops::ControlFlow, path::Path, sync::Arc, time::Duration};
 
 use anyhow::Context;
 use catch_body::{InputError, Robot as Arm, robot::LimitScale};
+use catch_bot::CatchingBot;
 use catch_cell::{Brain, CellFault, Observation, RunError, cell_file::CellFile};
 use catch_recording::{
     RecordedCell,
-    brain::ChosenBrain,
     cell_recorder::CellRecorder,
     drive_job::DriveJob,
     replay::{RECORDED, brain_of},
@@ -115,7 +115,7 @@ pub fn run<D: Driver>(job: &DriveJob) -> anyhow::Result<()> {
 fn drive<D: Driver>(
     job: &DriveJob,
     (bounds, hand): (&Bounds, Option<(ConnectFingers, &str)>),
-    (brain, known): (&mut ChosenBrain, &RecordedCell),
+    (brain, known): (&mut CatchingBot, &RecordedCell),
     key: &EnablingKey,
 ) -> anyhow::Result<()> {
     let ready_q = bounds.arm.checked_pose("the task", "ready_rad", &known.ready_rad)?;
@@ -165,7 +165,7 @@ pub enum Stopped {
 ///
 /// # Errors
 /// A cell that fails; a recording that cannot be written.
-pub fn throw<C>(cell: &mut C, brain: &mut ChosenBrain, known: &RecordedCell, out: &Path) -> Result<bool, Stopped>
+pub fn throw<C>(cell: &mut C, brain: &mut CatchingBot, known: &RecordedCell, out: &Path) -> Result<bool, Stopped>
 where
     C: catch_cell::Cell<Error = CellFault>,
 {

@@ -20,5 +20,5 @@ pub fn planner(change: impl Fn(&mut Config)) -> MotionPlanner {
 
 /// The arm standing still at joint angles.
 pub fn at_rest(planner: &MotionPlanner, q: &[f64], time_s: f64) -> Start {
-    Start { time_s, state: Setpoint::at_rest(planner.robot().joint_vector(q).unwrap()) }
+    Start { time_s, state: Setpoint::at_rest(planner.robot.joint_vector(q).unwrap()) }
 }

@@ -23,8 +23,10 @@ pub struct Controller {
     gripper: Gripper,
 
     plan: Option<CatchPlan>,
-    closing: Option<GripperPlan>,
-    progress: Progress,
+    /// The closing of the gripper as commanded last.
+    pub closing: Option<GripperPlan>,
+    /// State of the planner that it wants back with the next image.
+    pub progress: Progress,
     /// Gripper moves that replace those of a plan that was rejected or lost.
     amended: Option<Vec<GripperMove>>,
     /// The plans that the arm was sent and has not rejected.
@@ -41,16 +43,6 @@ impl Controller {
     /// The plan that is being executed.
     pub fn plan(&self) -> Option<&CatchPlan> {
         self.plan.as_ref()
-    }
-
-    /// The closing of the gripper as commanded last.
-    pub fn closing(&self) -> Option<GripperPlan> {
-        self.closing
-    }
-
-    /// State of the planner that it wants back with the next image.
-    pub fn progress(&self) -> Progress {
-        self.progress
     }
 
     /// Returns whether the catch is committed: too late to change anything.

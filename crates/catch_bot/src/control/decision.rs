@@ -110,7 +110,7 @@ pub struct Decision {
 }
 
 /// Chooses the catch and the arm's motion to it (paper, III-C and III-D).
-pub trait CatchPlanner {
+pub trait CatchPlanner: Send {
     /// Plans the catch for the flight as it is predicted now.
     fn plan(&mut self, situation: &Situation<'_>) -> Decision;
 
@@ -126,22 +126,4 @@ pub trait CatchPlanner {
 
     /// Forgets all that it knows of the throw; the next one is another.
     fn reset(&mut self) {}
-}
-
-impl<T: CatchPlanner + ?Sized> CatchPlanner for Box<T> {
-    fn plan(&mut self, situation: &Situation<'_>) -> Decision {
-        (**self).plan(situation)
-    }
-
-    fn waiting_width_m(&self) -> Option<f64> {
-        (**self).waiting_width_m()
-    }
-
-    fn numerical_failures(&self) -> u32 {
-        (**self).numerical_failures()
-    }
-
-    fn reset(&mut self) {
-        (**self).reset();
-    }
 }

@@ -84,7 +84,7 @@ impl TimeGridSearch {
         }
         let is_good = match &adjusted {
             Some(adjusted) => adjusted.approach_is_free,
-            None => is_still_good(running, &to.X_WG(), search.motion().gripper()),
+            None => is_still_good(running, &to.X_WG(), &search.motion.gripper),
         };
         // A catch that the flight, known better, has made worse is compared with the best there is now.
         let gain = self.config.switching_hysteresis;

@@ -32,7 +32,8 @@ pub(super) struct ArmEdges {
     /// The size of the images that they are of.
     pub window: PixelWindow,
     edges: Vec<Edge>,
-    mean_depth_m: f64,
+    /// Mean depth of the arm in metres.
+    pub mean_depth_m: f64,
     tolerance_m: f32,
 }
 
@@ -85,11 +86,6 @@ impl ArmEdges {
     /// Returns whether there are enough edges to judge a camera by.
     pub fn are_enough(&self) -> bool {
         self.edges.len() >= MIN_EDGES
-    }
-
-    /// Mean depth of the arm in metres.
-    pub fn mean_depth_m(&self) -> f64 {
-        self.mean_depth_m
     }
 
     /// Numbers of at most `count` pixels within the arm.

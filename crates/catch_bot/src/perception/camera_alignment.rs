@@ -13,8 +13,7 @@ use nalgebra::{Matrix2, Point2, UnitQuaternion, Vector2, Vector3};
 
 use super::{
     Config,
-    known_background::is_within,
-    segmentation::{Background, Surroundings},
+    segmentation::{Background, Surroundings, is_full},
 };
 
 /// The arm's silhouette, where it is met on the way along a row or a column of pixels.
@@ -40,7 +39,8 @@ struct Crossing {
 /// Estimate of the cameras' orientations.
 #[derive(Debug, Clone)]
 pub struct CameraAlignment {
-    cameras: Vec<CameraModel>,
+    /// The cameras, turned to where they look as far as is known.
+    pub cameras: Vec<CameraModel>,
     /// Silhouette of the arm in each camera.
     outlines: Vec<Vec<Crossing>>,
     /// Link poses and gripper aperture of the arm whose silhouettes these are.
@@ -93,18 +93,6 @@ impl CameraAlignment {
         }
     }
 
-    /// Returns whether the silhouettes are those of an arm that stands like this.
-    fn is_of(&self, known: &Surroundings<'_>) -> bool {
-        self.stood.as_ref().is_some_and(|(X_WL, width_m)| {
-            is_within(STILL, X_WL, &known.X_WL) && (*width_m - known.width_m).abs() < STILL
-        })
-    }
-
-    /// The cameras, turned to where they look as far as is known.
-    pub fn cameras(&self) -> &[CameraModel] {
-        &self.cameras
-    }
-
     /// Takes in the images of one capture time and turns the cameras to what all of them tell, starting from
     /// how they were `told` to stand.
     ///
@@ -117,17 +105,14 @@ impl CameraAlignment {
         surroundings: Option<&Surroundings<'_>>,
         config: &Config,
     ) {
-        let shows_arm = |frame: &DepthFrame| {
-            frame.mask.is_none()
-                && told.get(frame.camera).is_some_and(|it| frame.window == it.full_window())
-                && frame.depth_m.len() >= frame.window.area()
-        };
+        let shows_arm =
+            |frame: &DepthFrame| frame.mask.is_none() && told.get(frame.camera).is_some_and(|it| is_full(frame, it));
         let is_of_use = |images: &[usize], frame: &DepthFrame| {
             images.get(frame.camera).is_some_and(|count| *count < ENOUGH_IMAGES) && shows_arm(frame)
         };
         let is_any = is_wanted(config) && frames.iter().any(|frame| is_of_use(&self.images, frame));
         let Some(known) = surroundings.filter(|_| is_any) else { return };
-        if !self.is_of(known) {
+        if !self.stood.as_ref().is_some_and(|stood| known.stands_as(stood, STILL)) {
             if self.images.iter().any(|count| *count > 0) {
                 self.images.fill(ENOUGH_IMAGES);
                 return;

@@ -63,8 +63,10 @@ pub struct CameraHealth {
     records: Vec<Record>,
     /// Offset of each camera as estimated from flights.
     offsets: Vec<CameraOffset>,
-    statuses: Vec<CameraStatus>,
-    left_out: Vec<bool>,
+    /// The status of each camera.
+    pub statuses: Vec<CameraStatus>,
+    /// Cameras that are left out of perception: true for each of these.
+    pub left_out: Vec<bool>,
     uncalibrated: Vec<bool>,
 }
 
@@ -149,23 +151,13 @@ impl CameraHealth {
         health
     }
 
-    /// The status of each camera.
-    pub fn statuses(&self) -> &[CameraStatus] {
-        &self.statuses
-    }
-
-    /// Cameras that are left out of perception: true for each of these.
-    pub fn left_out(&self) -> &[bool] {
-        &self.left_out
-    }
-
     /// A throw is over; where the cameras were seen to look during it is how they looked before. Flights may
     /// tell that one is off.
     pub fn end_throw(&mut self, offsets: &[CameraOffset], config: &Config) {
         self.records.iter_mut().for_each(|it| it.shift.close());
         self.offsets.iter_mut().zip(offsets).for_each(|(it, offset)| it.add(offset));
         // Errors of the calibration of any camera make one seem to be off.
-        let bound_m = |it: &ArmEdges| DISPLACED_M + SIGNIFICANT * config.camera_sd_rad * it.mean_depth_m();
+        let bound_m = |it: &ArmEdges| DISPLACED_M + SIGNIFICANT * config.camera_sd_rad * it.mean_depth_m;
         let most_m = self.edges.iter().map(bound_m).fold(0.0, f64::max);
         if let Some(camera) = camera_offsets::displaced(&mut self.offsets, most_m) {
             self.records[camera].is_off = true;
@@ -222,7 +214,7 @@ impl CameraHealth {
             measured += usize::from(depth_m.is_finite());
             *before_m = depth_m;
         }
-        if measured >= MIN_SAMPLES && config.depth_sd_m(edges.mean_depth_m()) > 0.0 {
+        if measured >= MIN_SAMPLES && config.depth_sd_m(edges.mean_depth_m) > 0.0 {
             record.frozen.update(repeated);
         }
     }
@@ -248,7 +240,7 @@ impl CameraHealth {
             record.misplaced.update(misplaced);
         }
         if let Some(shift) = Shift::of(&sight).filter(|_| !blinded && !misplaced && !record.frozen.holds) {
-            record.shift.add(shift, camera, edges.mean_depth_m(), config);
+            record.shift.add(shift, camera, edges.mean_depth_m, config);
         }
     }
 
@@ -275,7 +267,7 @@ impl CameraHealth {
                 Record { frozen: Verdict { holds: true, .. }, .. } => CameraStatus::Frozen,
                 Record { blinded: Verdict { holds: true, .. }, .. } => CameraStatus::Blinded,
                 Record { swapped: Verdict { holds: true, .. }, .. } => CameraStatus::Swapped,
-                _ if record.is_off || record.misplaced.holds || record.shift.is_displaced() => CameraStatus::Displaced,
+                _ if record.is_off || record.misplaced.holds || record.shift.is_displaced => CameraStatus::Displaced,
                 _ => CameraStatus::Good,
             };
             displaced += usize::from(*status == CameraStatus::Displaced);

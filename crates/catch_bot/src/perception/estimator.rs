@@ -15,7 +15,7 @@ use super::{
 };
 
 /// Estimates the object's pose from depth images (paper, III-B).
-pub trait PoseEstimator {
+pub trait PoseEstimator: Send {
     /// The object's pose X_WO in W in the images of one capture time, the origin of O at the centre of mass.
     ///
     /// `view` has the images and the cameras' poses in W, `prior` what the last flight says of X_WO at that
@@ -39,24 +39,6 @@ pub trait PoseEstimator {
 
     /// Forgets all that it knows of the throw; the next one is another.
     fn reset(&mut self) {}
-}
-
-impl<T: PoseEstimator + ?Sized> PoseEstimator for Box<T> {
-    fn estimate(&mut self, view: &View<'_>, prior: Prior) -> Result<ObjectPose, PerceptionStatus> {
-        (**self).estimate(view, prior)
-    }
-
-    fn turned_over(&self) -> Option<Pose> {
-        (**self).turned_over()
-    }
-
-    fn estimate_aside(&mut self, view: &View<'_>, X_WO: &Pose) -> Option<ObjectPose> {
-        (**self).estimate_aside(view, X_WO)
-    }
-
-    fn reset(&mut self) {
-        (**self).reset();
-    }
 }
 
 /// Registration on the signed distance field of the reference, with silhouettes where depths are noisy.
@@ -163,7 +145,8 @@ pub struct ObjectFinder {
     /// Distance from the expected position within which the object's pixels are searched, in metres, beside
     /// its own size.
     gate_m: f64,
-    reference: Arc<ReferenceModel>,
+    /// The object as it is known.
+    pub reference: Arc<ReferenceModel>,
     workspace: Workspace,
 }
 
@@ -182,11 +165,6 @@ impl ObjectFinder {
     #[must_use]
     pub fn with_gate_m(self, gate_m: f64) -> Self {
         Self { gate_m, ..self }
-    }
-
-    /// The object as it is known.
-    pub fn reference(&self) -> &ReferenceModel {
-        &self.reference
     }
 
     /// Finds the object in all depth images of one capture time.

@@ -43,13 +43,6 @@ struct Learned {
 /// margin by which a pixel must be nearer than the background.
 const WAITING: f64 = 5e-3;
 
-/// Returns whether each link is within this distance of its former pose, in metres and radians.
-pub(super) fn is_within(limit: f64, X_WA: &LinkPoses, X_WB: &LinkPoses) -> bool {
-    X_WA.iter().zip(X_WB).all(|(A, B)| {
-        (A.translation.vector - B.translation.vector).norm() < limit && A.rotation.angle_to(&B.rotation) < limit
-    })
-}
-
 /// Depth before which a pixel shows an object in front of the background at `depth_m`, in metres.
 pub(super) fn nearer_than_m(depth_m: f64, config: &Config) -> f64 {
     if depth_m.is_finite() { depth_m - threshold_m(depth_m, config) } else { f64::INFINITY }

@@ -28,7 +28,8 @@ pub(super) struct ShiftHistory {
     now: Mean,
     /// True if the recent shift may be a displacement, which more images will decide.
     is_suspect: bool,
-    is_displaced: bool,
+    /// True if the camera stands or looks elsewhere than configured, or than it did before.
+    pub is_displaced: bool,
 }
 
 /// Images that tell something, and after which a new mean begins.
@@ -71,11 +72,6 @@ impl Mean {
 }
 
 impl ShiftHistory {
-    /// Returns whether the camera stands or looks elsewhere than configured, or than it did before.
-    pub fn is_displaced(&self) -> bool {
-        self.is_displaced
-    }
-
     /// Adds the recent mean to the earlier one. A mean of too few images, and one that may be or is a
     /// displacement, stays as it is.
     pub fn close(&mut self) {
@@ -157,7 +153,7 @@ mod tests {
             let mut value = normal.vector().component_mul(&Vector3::new(IMAGE_SD_PX, IMAGE_SD_PX, 1e-3));
             value.x += mean_px;
             history.add(Shift { value }, &camera(), DEPTH_M, &config);
-            named |= history.is_displaced();
+            named |= history.is_displaced;
         }
         history.close();
         named
@@ -203,6 +199,6 @@ mod tests {
         (0..20).for_each(|_| {
             throw(&mut history, 4, 0.5, &mut normal);
         });
-        assert!(!history.is_displaced(), "{history:?}");
+        assert!(!history.is_displaced, "{history:?}");
     }
 }

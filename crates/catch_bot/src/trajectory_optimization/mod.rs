@@ -177,17 +177,20 @@ pub struct Incoming<'a> {
 /// Generates motions of one arm with one gripper.
 #[derive(Debug)]
 pub struct MotionPlanner {
-    config: Config,
+    /// Settings of the planner.
+    pub config: Config,
     /// The arm with the gripper's mass on it.
-    robot: Robot,
-    gripper: Gripper,
-    finder: PostureFinder,
+    pub robot: Robot,
+    /// The gripper that it plans for.
+    pub gripper: Gripper,
+    /// Finder of the arm's postures.
+    pub finder: PostureFinder,
     /// Largest distance of the gripper's origin from each joint, in metres.
     to_gripper_m: JointVector,
     /// The base's distance from the farthest place of the gripper's origin, in metres.
     gripper_reach_m: f64,
     /// Largest extent of the arm with the gripper beyond each joint, in metres.
-    extents_m: JointVector,
+    pub extents_m: JointVector,
     clearance: ArmClearance,
     catch_splines: CatchSplines,
     brake_spline: JointSpline,
@@ -249,34 +252,9 @@ impl MotionPlanner {
         }
     }
 
-    /// Settings of the planner.
-    pub fn config(&self) -> &Config {
-        &self.config
-    }
-
-    /// Finder of the arm's postures.
-    pub fn finder(&self) -> &PostureFinder {
-        &self.finder
-    }
-
-    /// Largest extent of the arm with the gripper beyond each joint, in metres.
-    pub fn extents_m(&self) -> &JointVector {
-        &self.extents_m
-    }
-
     /// The base's distance from the farthest point to which the gripper can extend, in metres.
     pub fn longest_reach_m(&self) -> f64 {
         self.gripper_reach_m + hand_m(&self.gripper)
-    }
-
-    /// The gripper that it plans for.
-    pub fn gripper(&self) -> &Gripper {
-        &self.gripper
-    }
-
-    /// The arm that it plans for, carrying the gripper.
-    pub fn robot(&self) -> &Robot {
-        &self.robot
     }
 }
 
@@ -289,7 +267,8 @@ fn hand_m(gripper: &Gripper) -> f64 {
 /// Searches catches for one arm with one gripper, and adapts them to flights that are known better.
 #[derive(Debug)]
 pub struct CatchSearch {
-    motion: MotionPlanner,
+    /// Planner of the motions.
+    pub motion: MotionPlanner,
     /// Earliest times of the gripper's poses, if they were prepared.
     reach_map: Option<Arc<ReachMap>>,
     /// Distance between the catch times that are tried, in seconds.
@@ -315,10 +294,5 @@ impl CatchSearch {
     /// cell's clock; `None` if it is elsewhere already.
     pub fn departure_s(&self, start: &Start) -> Option<f64> {
         self.reach_map.as_ref().filter(|map| map.departs_at(start)).map(|_| start.time_s)
-    }
-
-    /// Planner of the motions.
-    pub fn motion(&self) -> &MotionPlanner {
-        &self.motion
     }
 }

@@ -1,6 +1,6 @@
 //! A whole motion: to the catch, then braking to rest, within every limit.
 
-use catch_body::{JointVector, kinematics::LinkPoses, robot::JointLimits, shape::Cuboid};
+use catch_body::{JointVector, robot::JointLimits, shape::Cuboid};
 use catch_cell::{BSpline, Setpoint, executor::CONTINUITY, spline::DEGREE};
 
 use super::{
@@ -367,7 +367,7 @@ mod tests {
     #[test]
     fn nothing_held_is_faster_than_the_bound() {
         let planner = planner();
-        let robot = planner.robot();
+        let robot = &planner.robot;
         let held_G = Cuboid { centre: Point3::new(0.0, 0.4, 0.0), size: Vector3::new(0.04, 0.8, 0.04) };
         for joint in 0..robot.dof() {
             // The arm stretched out, turned by one joint at a time.

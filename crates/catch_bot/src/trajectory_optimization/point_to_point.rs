@@ -344,9 +344,9 @@ mod tests {
         let planner = MotionPlanner::new(robot, gripper, config);
         let scan = synthetic::scan(&synthetic::Shape::ball(), 40);
         let reference = ReferenceModel::from_scan(&scan);
-        let grasps = GraspSet::sample(&reference, planner.gripper(), &Default::default());
-        let q = planner.robot().ready_q;
-        let X_WG = planner.robot().gripper_pose(&q);
+        let grasps = GraspSet::sample(&reference, &planner.gripper, &Default::default());
+        let q = planner.robot.ready_q;
+        let X_WG = planner.robot.gripper_pose(&q);
         let start = Start { time_s: 0.0, state: Setpoint::at_rest(q) };
         let flight = FlightTrajectory { v_WOcm: Vector3::new(-3.0, -2.0, -1.0), ..FlightTrajectory::default() };
         let failures = FailureCounter::default();
@@ -357,7 +357,7 @@ mod tests {
             let scaling = planner.moving_scaling();
             let task = planner.point_to_point((&start, &incoming), &local_flight, &X_WG, &q, scaling);
             let kept = task.speeds_that_withstand_impact();
-            let joints = planner.robot().joints.iter().enumerate();
+            let joints = planner.robot.joints.iter().enumerate();
             joints.map(|(i, joint)| joint.velocity_range(q[i])[1] - kept[i].high).collect::<Vec<f64>>()
         };
         let [dead, ball, unknown] = [Some(0.0), Some(0.75), None].map(room);

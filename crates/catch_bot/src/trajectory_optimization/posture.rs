@@ -72,7 +72,7 @@ impl PostureFinder {
     pub fn may_reach(&self, X_WO: &Pose, ranges: &Ranges) -> impl Fn(&Pose) -> bool + use<> {
         let near = match self {
             Self::Srs(srs) => {
-                let shoulder_O = X_WO.inverse_transform_point(&srs.shoulder());
+                let shoulder_O = X_WO.inverse_transform_point(&srs.shoulder);
                 Some((shoulder_O, srs.wrist_in_gripper(), srs.wrist_distances_squared(ranges[3])))
             }
             Self::ParallelAxes(_) | Self::SphericalShoulder(_) | Self::Numerical => None,

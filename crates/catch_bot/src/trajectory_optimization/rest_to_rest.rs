@@ -52,13 +52,13 @@ impl MotionPlanner {
     /// jerk.
     fn straight(&self, start_s: f64, from: &JointVector, to: &JointVector, stretched: f64) -> BSpline {
         let needed_s = |i: usize| {
-            let (limits, way) = (&self.robot().joints[i].limits, (to[i] - from[i]).abs());
+            let (limits, way) = (&self.robot.joints[i].limits, (to[i] - from[i]).abs());
             let by_velocity = 1.875 * way / (VELOCITY_FRACTION * limits.velocity);
             let by_acceleration = (5.78 * way / (ACCELERATION_FRACTION * limits.acceleration)).sqrt();
             let by_jerk = limits.jerk.map_or(0.0, |jerk| libm::cbrt(60.0 * way / jerk));
             by_velocity.max(by_acceleration).max(by_jerk)
         };
-        let duration_s = stretched * (0..self.robot().dof()).map(needed_s).fold(SHORTEST_S, f64::max);
+        let duration_s = stretched * (0..self.robot.dof()).map(needed_s).fold(SHORTEST_S, f64::max);
         // The first and the last three control points are the ends: position, velocity and acceleration stand
         // still there.
         let control_points: Vec<JointVector> = (0..POINTS + 4)

@@ -131,7 +131,7 @@ pub enum PredictionStatus {
 }
 
 /// Predicts the object's flight from its poses (paper, III-B).
-pub trait FlightPredictor {
+pub trait FlightPredictor: Send {
     /// The flight that the poses seen so far agree on.
     ///
     /// `poses` are all poses of this throw in W, oldest first, outliers included; `previous` is the flight
@@ -152,24 +152,6 @@ pub trait FlightPredictor {
 
     /// Forgets all that it knows of the throw; the next one is another.
     fn reset(&mut self) {}
-}
-
-impl<T: FlightPredictor + ?Sized> FlightPredictor for Box<T> {
-    fn predict(
-        &mut self,
-        poses: &[ObjectPose],
-        previous: Option<&FlightTrajectory>,
-    ) -> Result<FlightTrajectory, PredictionStatus> {
-        (**self).predict(poses, previous)
-    }
-
-    fn numerical_failures(&self) -> u32 {
-        (**self).numerical_failures()
-    }
-
-    fn reset(&mut self) {
-        (**self).reset();
-    }
 }
 
 /// Sampling to start and to restart, then a robust fit to all poses that agree, weighted by their

@@ -32,7 +32,7 @@ fn aligned(surroundings: &Surroundings<'_>, seed: u64) -> (f64, [f64; 4]) {
     };
     let truth: Vec<CameraModel> = told.iter().map(turned).collect();
     let mut alignment = CameraAlignment::new(&told);
-    let before = off_rad(alignment.cameras(), &truth);
+    let before = off_rad(&alignment.cameras, &truth);
     let after = [0, 1, 2, 3].map(|image| {
         let frame = |(i, camera): (usize, &CameraModel)| {
             let window = camera.full_window();
@@ -50,7 +50,7 @@ fn aligned(surroundings: &Surroundings<'_>, seed: u64) -> (f64, [f64; 4]) {
         };
         let frames: Vec<DepthFrame> = truth.iter().enumerate().map(frame).collect();
         alignment.observe(&frames, &told, Some(surroundings), &config);
-        off_rad(alignment.cameras(), &truth)
+        off_rad(&alignment.cameras, &truth)
     });
     (before, after)
 }

@@ -135,7 +135,7 @@ fn the_gripper_moves_of_a_rejected_plan_are_withdrawn() {
     assert!(send(&mut controller, &observation, plan(0.0, 0.0)).iter().any(|it| it.width_m == 0.0));
     (observation.time_s, observation.arm) = (0.01, arm(0.01, None, &[1]));
     controller.acknowledge(&observation, Some(&flight));
-    assert_eq!((controller.plan(), controller.closing()), (None, None));
+    assert_eq!((controller.plan(), controller.closing), (None, None));
     assert_eq!(controller.amended(Command::default()).gripper, Some(Vec::new()));
     assert_eq!(controller.amended(Command::default()).gripper, None, "once is enough");
 }
@@ -144,7 +144,7 @@ fn the_gripper_moves_of_a_rejected_plan_are_withdrawn() {
 fn fingers_that_close_for_a_rejected_plan_are_opened() {
     let (mut controller, mut observation) = controller();
     send(&mut controller, &observation, plan(0.0, 0.0));
-    let started_s = controller.closing().unwrap().start_s + 0.005;
+    let started_s = controller.closing.unwrap().start_s + 0.005;
     (observation.time_s, observation.arm) = (started_s, arm(started_s, None, &[1]));
     controller.acknowledge(&observation, Some(&FlightTrajectory::default()));
     let moves = controller.amended(Command::default()).gripper.unwrap();
@@ -173,9 +173,9 @@ fn the_gripper_closes_for_the_plan_that_runs_again() {
 fn a_hand_stays_closed_after_the_catch() {
     let (mut controller, mut observation) = controller();
     send(&mut controller, &observation, plan(0.0, 0.0));
-    let closing = controller.closing();
+    let closing = controller.closing;
     (observation.time_s, observation.arm) = (0.6, arm(0.6, None, &[]));
     controller.acknowledge(&observation, Some(&FlightTrajectory::default()));
     assert_eq!(controller.amended(Command::default()).gripper, None);
-    assert_eq!(controller.closing(), closing);
+    assert_eq!(controller.closing, closing);
 }

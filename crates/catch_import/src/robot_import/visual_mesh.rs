@@ -26,8 +26,8 @@ pub(super) fn seen_from_outside(surface: &TriangleMesh) -> (TriangleMesh, f64) {
     let (mesh, before_m) = mesh.simplified(MOST_BEFORE).unwrap_or((mesh, 0.0));
     let caster = RayCaster::new(&mesh);
     let rays = directions();
-    let mut outer = TriangleMesh { vertices: caster.mesh().vertices.clone(), triangles: Vec::new() };
-    for ([a, b, c], triangle) in caster.mesh().all_corners().zip(&caster.mesh().triangles) {
+    let mut outer = TriangleMesh { vertices: caster.mesh.vertices.clone(), triangles: Vec::new() };
+    for ([a, b, c], triangle) in caster.mesh.all_corners().zip(&caster.mesh.triangles) {
         let Some(normal) = (b - a).cross(&(c - a)).try_normalize(0.0) else { continue };
         let middle = Point3::from((a.coords + b.coords + c.coords) / 3.0);
         let free = |side: f64| {

@@ -118,9 +118,9 @@ impl<'a> Corridor<'a> {
         for part in &self.parts {
             for (true_flight, flight) in &part.flights {
                 let incoming =
-                    Incoming { flight, grasps: part.known.grasps(), config: &part.grasping, failures: &failures };
+                    Incoming { flight, grasps: &part.known.grasps, config: &part.grasping, failures: &failures };
                 let may_reach = !self.asks_oracle || self.first_catch_s(true_flight, q).is_some();
-                let plan = if may_reach { part.known.search().search(&start, &incoming).ok() } else { None };
+                let plan = if may_reach { part.known.search.search(&start, &incoming).ok() } else { None };
                 cost += plan.as_ref().map_or(MISSED, |plan| plan.cost) / throws as f64;
                 if cost > most_cost {
                     return None;

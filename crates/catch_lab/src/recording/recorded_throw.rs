@@ -70,7 +70,7 @@ fn keep(
     timeline.ended(&verdict, end_s).iter().try_for_each(&mut *tell)?;
     let times = ThrowTimes::of(&trial);
     let conditions = trial.truth.conditions.clone();
-    let (timeline, images_until_s) = (timeline.into_entries(), recorder.images_until_s());
+    let (timeline, images_until_s) = (timeline.into_entries(), recorder.images_until_s);
     let recording = finish(recorder, timeline.clone(), setup, (trial.truth, &verdict))?;
     times.write(&recording)?;
     Ok(RecordedThrow { recording, timeline, verdict, conditions, stopwatch: trial.stopwatch, images_until_s })

@@ -181,7 +181,7 @@ impl Setup {
 
     /// Returns the reason why the brain has no grasp of the object, if so.
     pub fn without_grasps(&self) -> Option<String> {
-        Some(self.known().grasps()).filter(|it| it.grasps.is_empty()).map(|it| self.why_without_grasps(it))
+        Some(&self.known().grasps).filter(|it| it.grasps.is_empty()).map(|it| self.why_without_grasps(it))
     }
 
     /// Widths of object and gripper, and what is wrong with the candidates.

@@ -1,12 +1,15 @@
 //! Images in any order and ticks without any, and an arm that refuses what the hand would do.
 
-use std::{cell::Cell, rc::Rc};
+use std::sync::{
+    Arc,
+    atomic::{AtomicUsize, Ordering},
+};
 
 use catch_bot::{
     CatchingBot,
     control::{CatchPlanner, Decision, Situation, TimeGridSearch},
 };
-use catch_cell::{Brain, Cell as _, Command, DepthFrame, Observation, RejectedTrajectory, Rejection};
+use catch_cell::{Brain, Cell, Command, DepthFrame, Observation, RejectedTrajectory, Rejection};
 use catch_lab::scenario::setup::{Choice, Setup};
 use proptest::prelude::*;
 
@@ -69,11 +72,11 @@ fn images_of_a_tick_may_come_in_any_order() {
 }
 
 /// Counts how often it is asked.
-struct Counting(TimeGridSearch, Rc<Cell<usize>>);
+struct Counting(TimeGridSearch, Arc<AtomicUsize>);
 
 impl CatchPlanner for Counting {
     fn plan(&mut self, situation: &Situation<'_>) -> Decision {
-        self.1.set(self.1.get() + 1);
+        self.1.fetch_add(1, Ordering::Relaxed);
         self.0.plan(situation)
     }
 }
@@ -82,15 +85,16 @@ impl CatchPlanner for Counting {
 fn ticks_without_images_repeat_no_search() {
     let setup = setup();
     let known = setup.known().clone();
-    let asked = Rc::new(Cell::new(0));
+    let asked = Arc::new(AtomicUsize::new(0));
     let brain = || {
-        asked.set(0);
-        let planner = Counting(known.catch_planner(), asked.clone());
-        CatchingBot::with_stages(known.clone(), known.pose_estimator(), known.flight_predictor(7), planner)
+        asked.store(0, Ordering::Relaxed);
+        let (estimator, predictor) = (Box::new(known.pose_estimator()), Box::new(known.flight_predictor(7)));
+        let planner = Box::new(Counting(known.catch_planner(), asked.clone()));
+        CatchingBot::with_stages(known.clone(), estimator, predictor, planner)
     };
     let observations: Vec<Observation> = sensed(&setup).into_iter().filter(|it| !it.frames.is_empty()).collect();
     let expected = answers(&mut brain(), &observations);
-    let asked_with_images = asked.get();
+    let asked_with_images = asked.load(Ordering::Relaxed);
     assert!(asked_with_images > 10, "asked {asked_with_images} times");
     // Between two images the arm is read out twice more.
     let more: Vec<Observation> = observations
@@ -102,7 +106,7 @@ fn ticks_without_images_repeat_no_search() {
         })
         .collect();
     let found = answers(&mut brain(), &more);
-    assert_eq!(asked.get(), asked_with_images);
+    assert_eq!(asked.load(Ordering::Relaxed), asked_with_images);
     for (i, three) in found.chunks(3).enumerate() {
         assert!(three[0].arm == expected[i].arm && three[0].gripper == expected[i].gripper, "image {i}");
         assert!(three[1..].iter().all(|it| it.arm.is_none() && it.gripper.is_none()), "after image {i}");

@@ -161,7 +161,7 @@ fn keeps_its_word(
     flight: &FlightTrajectory,
     plan: &CatchPlan,
 ) -> Result<(), String> {
-    let (robot, gripper) = (desk.search.motion().robot(), &desk.setup.gripper);
+    let (robot, gripper) = (&desk.search.motion.robot, &desk.setup.gripper);
     let trajectory = &plan.trajectory;
     must(trajectory.is_valid(), || "the spline is not valid".into())?;
     let first = trajectory.setpoint(start.time_s);
@@ -217,7 +217,7 @@ fn keeps_its_word(
 
 /// The object touches neither fingers nor housing before the fingers close.
 fn approach_is_free(desk: &Desk, flight: &FlightTrajectory, plan: &CatchPlan) -> Result<(), String> {
-    let (robot, gripper) = (desk.search.motion().robot(), &desk.setup.gripper);
+    let (robot, gripper) = (&desk.search.motion.robot, &desk.setup.gripper);
     let closes_s = plan.catch_s
         - desk.config.grasp_selection.closing(gripper).duration_s(plan.aperture_m - plan.grasp.object_width_m);
     for step in 0..=40 {
@@ -415,7 +415,7 @@ fn as_many_random_catches_as_one_likes_hold_when_recomputed() {
 fn solved_by(robot: &str, from_rad: &[f64], count: usize) -> (usize, usize) {
     let (robot, gripper) = planner_cases::arm(Some(robot), ("test", "robot")).unwrap();
     let planner = PosedPlanner::new(MotionPlanner::new(robot, gripper.clone(), Config::default()));
-    let robot = planner.motion().robot();
+    let robot = &planner.motion.robot;
     let mut rng = Pcg64::seed_from_u64(11);
     let from = robot.checked_pose("test", "from_rad", from_rad).unwrap();
     let start = Start { time_s: 0.0, state: Setpoint::at_rest(from) };
@@ -488,7 +488,7 @@ fn feasible_cases_are_solved_and_unreachable_ones_proven_so() {
     let (planner, feasible) = cases(text);
     let mut fractions = Vec::new();
     for (case, value) in feasible.iter().zip(best["cases"].as_array().unwrap()) {
-        let (q, dq) = case.start("test", planner.motion().robot()).unwrap();
+        let (q, dq) = case.start("test", &planner.motion.robot).unwrap();
         let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
         let plan = planner.catch_at(&start, &case.target).unwrap();
         fractions.push(plan.speed_fraction / value["s_max"].as_f64().unwrap());
@@ -499,7 +499,7 @@ fn feasible_cases_are_solved_and_unreachable_ones_proven_so() {
 
     let (planner, unreachable) = cases(include_str!("../../../catch_bot/benches/cases/planner_cases_unreachable.json"));
     for case in &unreachable {
-        let (q, dq) = case.start("test", planner.motion().robot()).unwrap();
+        let (q, dq) = case.start("test", &planner.motion.robot).unwrap();
         let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
         assert_eq!(planner.catch_at(&start, &case.target), Err(PlanningFailure::OutOfReach), "{}", case.id);
     }

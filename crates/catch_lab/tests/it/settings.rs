@@ -5,7 +5,6 @@ use std::{collections::BTreeMap, fmt::Write as _, fs, io, thread};
 use catch_body::JointVector;
 use catch_cell::{ArmTrajectory, BSpline, Cell, Command, DepthFrame, GripperMove, PixelWindow, TrajectoryId};
 use catch_lab::{
-    play::Play,
     scenario::setup::{Choice, Setup},
     trial,
 };
@@ -23,12 +22,10 @@ enum Where {
     AsPublished,
     /// The world alone, with commands that are always the same.
     World,
-    /// A life of two throws.
-    Life,
     /// The poses of the cameras after a calibration.
     Calibrated,
 }
-use Where::{AsPublished, Calibrated, Honest, Life, Paper, World};
+use Where::{AsPublished, Calibrated, Honest, Paper, World};
 
 /// Settings: the scenario in which each matters, settings that it needs to matter, and another value of it.
 const ALL: &[(Where, &[&str], &str)] = &[
@@ -160,7 +157,6 @@ const ALL: &[(Where, &[&str], &str)] = &[
     (Honest, &[], "brain.control.gripper_latency_s=0.1"),
     (Honest, &[], "brain.control.closing_force_n=20.0"),
     (Honest, &[], "brain.control.switching_hysteresis=0.0"),
-    (Life, &[], "brain.cycle.hold_s=2.5"),
     (AsPublished, &[], "brain.paper_method.registration.as_published=false"),
     (AsPublished, &[], "brain.paper_method.prediction.ties_by_sum=false"),
     (AsPublished, &["object=pill_bottle"], "brain.paper_method.prediction.knows_symmetry=true"),
@@ -208,7 +204,6 @@ impl Where {
             Honest => ("honest", "banana", None),
             Paper | World => ("paper", "tennis_ball", Some("near_sampled")),
             AsPublished => ("as-published", "banana", Some("near")),
-            Life => ("paper", "tennis_ball", Some("near_sampled")),
             Calibrated => ("paper", "tennis_ball", None),
         };
         let object = settings.iter().find_map(|it| it.strip_prefix("object=")).unwrap_or(object);
@@ -245,11 +240,6 @@ impl Where {
                     let Ok(()) = arena.act(&command(tick, &setup, observation.time_s));
                 }
                 let _ = write!(out, "{:?}", arena.truth());
-            }
-            Life => {
-                let play = Play { setups: vec![setup], throws: 2, every_s: 1.0, seed: SEED, folder: None };
-                let life = play.run(&mut |_| ()).unwrap();
-                let _ = write!(out, "{:?}", life.rows.iter().map(|it| (it.thrown_s, it.placed)).collect::<Vec<_>>());
             }
             Calibrated => {
                 let _ = write!(out, "{:?}", setup.known_for(SEED).cameras());

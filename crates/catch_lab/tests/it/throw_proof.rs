@@ -147,7 +147,7 @@ impl Proof<'_> {
         let scaling = LimitScaling { velocity: 1.0, acceleration: 1.0 };
         let reaches = self.planner.reaches(self.start, piece[TIME].high - self.start.time_s, scaling);
         for i in 0..MAX_JOINTS {
-            let Some(joint) = self.planner.robot().joints.get(i) else {
+            let Some(joint) = self.planner.robot.joints.get(i) else {
                 piece[i] = Interval { low: 0.0, high: 0.0 };
                 continue;
             };
@@ -170,11 +170,11 @@ impl Proof<'_> {
     }
 
     fn middle(&self, piece: &Piece) -> Middle {
-        let robot = self.planner.robot();
+        let robot = &self.planner.robot;
         let q = JointVector::from_fn(|i, _| piece[i].middle());
         let half = piece.map(|it| it.half_width());
         let X_WL = robot.link_poses(&q);
-        let p_G = robot.gripper_in(&X_WL) * self.planner.gripper().grasp_centre();
+        let p_G = robot.gripper_in(&X_WL) * self.planner.gripper.grasp_centre();
         let J = robot.jacobian(&X_WL, &p_G);
         // The length of a column is changed by the joints after it only, by no more than their columns each.
         let (mut columns, mut changed) = ([0.0; MAX_JOINTS], 0.0);
@@ -296,18 +296,18 @@ mod tests {
         ) {
             let (robot, gripper) = planner_cases::arm(None, ("test", "robot")).unwrap();
             let planner = MotionPlanner::new(robot, gripper, Config::default());
-            let start = Start { time_s: 0.05, state: Setpoint::at_rest(planner.robot().ready_q) };
+            let start = Start { time_s: 0.05, state: Setpoint::at_rest(planner.robot.ready_q) };
             let (from, catch_s) = (start.state.q, start.time_s + lead_s);
             let reaches = planner.reaches(&start, lead_s, LimitScaling { velocity: 1.0, acceleration: 1.0 });
             let mut q = from;
-            for (i, joint) in planner.robot().joints.iter().enumerate() {
+            for (i, joint) in planner.robot.joints.iter().enumerate() {
                 let far = reaches[i].displacements();
                 let (low, high) = (far.low.max(joint.limits.lower - q[i]), far.high.min(joint.limits.upper - q[i]));
                 q[i] += low + ways[i] * (high - low);
             }
-            let X_WL = planner.robot().link_poses(&q);
-            let p_WOcm = planner.robot().gripper_in(&X_WL) * planner.gripper().grasp_centre();
-            let J = planner.robot().jacobian(&X_WL, &p_WOcm).fixed_rows::<3>(3).into_owned();
+            let X_WL = planner.robot.link_poses(&q);
+            let p_WOcm = planner.robot.gripper_in(&X_WL) * planner.gripper.grasp_centre();
+            let J = planner.robot.jacobian(&X_WL, &p_WOcm).fixed_rows::<3>(3).into_owned();
             let dq = JointVector::from_fn(|i, _| {
                 let fast = reaches[i].terminal_velocities(q[i] - from[i]);
                 if J.column(i).dot(&Vector3::from(toward)) > 0.0 { fast.high } else { fast.low }
@@ -319,7 +319,7 @@ mod tests {
             let proof = Proof { planner: &planner, start: &start, any: &any };
             let catch: [f64; UNKNOWNS] = std::array::from_fn(|i| if i == TIME { catch_s } else { q[i] });
             let mut piece = catch.map(|at| Interval { low: at, high: at });
-            for (k, i) in (0..planner.robot().dof()).chain([TIME]).enumerate() {
+            for (k, i) in (0..planner.robot.dof()).chain([TIME]).enumerate() {
                 let most = if i == TIME { FIRST_PIECE_S } else { libm::exp2(-smallness) };
                 let size = most * libm::exp2(sizes[k].min(0.0));
                 piece[i] = Interval { low: catch[i] - asides[k] * size, high: catch[i] + (1.0 - asides[k]) * size };

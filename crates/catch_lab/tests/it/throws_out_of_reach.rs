@@ -24,8 +24,8 @@ use crate::{
 #[test]
 fn the_papers_near_throw_is_out_of_reach_from_its_pose() {
     let desk = Desk::new("tennis_ball", |_| {});
-    let planner = desk.search.motion();
-    let q = planner.robot().joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();
+    let planner = &desk.search.motion;
+    let q = planner.robot.joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();
     let start = Start { time_s: 0.05, state: Setpoint::at_rest(q) };
     let flight = FlightTrajectory {
         p_WOcm: Point3::new(1.66613, 1.63277, 0.3),
@@ -64,7 +64,7 @@ fn no_catch_is_proven_out_of_reach() {
         let off_m = (plan.grasp.X_OG * desk.setup.gripper.grasp_centre()).coords.norm();
         let times_s = [plan.catch_s - 1e-6, plan.catch_s + 1e-6];
         let any = AnyCatch { flight: &flight, times_s, within_m: off_m + 1e-4 };
-        let proof = prove_out_of_reach(desk.search.motion(), start.time_s, &start.state.q, &any, 10_000);
+        let proof = prove_out_of_reach(&desk.search.motion, start.time_s, &start.state.q, &any, 10_000);
         assert!(matches!(proof, ThrowProof::Open { .. }), "{plan:?}");
     }
     assert!(found > 50, "{found}");

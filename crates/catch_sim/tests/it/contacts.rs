@@ -71,7 +71,7 @@ fn squeezed_objects_slide_at_the_coulomb_limit() {
         for friction in [0.4, 0.667, 1.0] {
             let object = setting::object(name);
             let mut grip = Grip::of(&object, width_m, friction, 40.0);
-            let [left, right] = grip.world.contact_forces().finger_n;
+            let [left, right] = grip.world.contact_forces.finger_n;
             let limit = friction * (left + right);
             // Pulled along the fingers ever harder.
             let (pulling_s, fastest) = (1.0, 1.2);
@@ -97,7 +97,7 @@ fn squeezed_objects_slide_at_the_coulomb_limit() {
 fn fingers_press_as_hard_as_they_are_told() {
     for force_n in [20.0, 40.0, 60.0] {
         let grip = Grip::of(&setting::object("tennis_ball"), 0.068, 0.667, force_n);
-        for measured in grip.world.contact_forces().finger_n {
+        for measured in grip.world.contact_forces.finger_n {
             assert!((measured / force_n - 1.0).abs() < 1e-3, "{measured} N of {force_n} N");
         }
     }
@@ -253,14 +253,14 @@ fn restitution_of_a_ball_between_two_closing_fingers_is_exact() {
             world.step(&loads);
             loads.finger_force_n = [0.0; 2];
             let closing = world.state().finger_mps;
-            while world.contact_forces().finger_n == [0.0; 2] {
+            while world.contact_forces.finger_n == [0.0; 2] {
                 world.step(&loads);
             }
             let state = world.state();
             let impulse_ns = gripper.finger_mass_kg * (state.finger_mps[0] - closing[0]);
-            let told_ns = world.contact_forces().contact.peak_impulse_ns;
+            let told_ns = world.contact_forces.contact.peak_impulse_ns;
             assert!((told_ns / impulse_ns - 1.0).abs() < 1e-2, "{told_ns} instead of {impulse_ns} N·s");
-            let by_force_ns = world.contact_forces().finger_n[0] * 1e-3;
+            let by_force_ns = world.contact_forces.finger_n[0] * 1e-3;
             assert!((by_force_ns / impulse_ns - 1.0).abs() < 1e-2, "{by_force_ns} instead of {impulse_ns} N·s");
             for (after, before) in state.finger_mps.into_iter().zip(closing) {
                 let rebound = -after / before;

@@ -99,7 +99,7 @@ fn no_contact_gives_energy() {
         for step in 0..300 {
             world.step(&no_gravity());
             let now_j = hand.energy_j(&world, &object);
-            has_touched |= world.contact_forces().contact.any();
+            has_touched |= world.contact_forces.contact.any();
             if (has_touched && step < 5) || world.state().V_WO.angular.norm() > 50.0 {
                 break;
             }
@@ -138,7 +138,7 @@ fn forces_of_fingers_are_all_that_the_object_feels_across_them() {
         for _ in 0..30 {
             let before = world.state();
             world.step(&loads);
-            let (after, forces) = (world.state(), world.contact_forces());
+            let (after, forces) = (world.state(), world.contact_forces);
             let pushed_ns = loads.finger_force_n.map(|force_n| force_n * 1e-3);
             loads.finger_force_n = [0.0; 2];
             let contact = forces.contact;
@@ -192,7 +192,7 @@ fn a_mirrored_throw_goes_a_mirrored_way() {
         for _ in 0..400 {
             one.step(&setting::no_loads());
             other.step(&setting::no_loads());
-            since_contact += u32::from(since_contact > 0 || one.contact_forces().contact.any());
+            since_contact += u32::from(since_contact > 0 || one.contact_forces.contact.any());
             if since_contact == 20 {
                 break;
             }

@@ -59,7 +59,7 @@ fn run(world: &mut World, drive: &mut GripperDrive, steps: u32) -> Vec<Sample> {
             time_s: time_s + STEP_S,
             width_m: state.finger_m[0] + state.finger_m[1],
             rate_mps: state.finger_mps[0] + state.finger_mps[1],
-            finger_n: world.contact_forces().finger_n,
+            finger_n: world.contact_forces.finger_n,
             state: drive.state(state.finger_m, state.finger_mps),
         }
     };

@@ -84,7 +84,6 @@ pub const SCENARIO: &[Section] = &[
     at("brain.trajectory_optimization", "catch_bot/src/trajectory_optimization/mod.rs", "Config"),
     at("brain.trajectory_optimization.weights", "catch_bot/src/trajectory_optimization/search/settings.rs", "Weights"),
     at("brain.control", "catch_bot/src/control/mod.rs", "Config"),
-    at("brain.cycle", "catch_bot/src/cycle/config.rs", "CycleConfig"),
     at("brain.paper_method", "catch_paper/src/lib.rs", "Config"),
     at("brain.paper_method.registration", "catch_paper/src/registration.rs", "Config"),
     at("brain.paper_method.prediction", "catch_paper/src/prediction.rs", "SamplingConfig"),

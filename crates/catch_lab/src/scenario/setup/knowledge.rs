@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use catch_body::{Gripper, Robot};
-use catch_bot::Preparation;
+use catch_bot::{CatchingBot, Preparation};
 use catch_cell::{CameraModel, KnownObject};
 use catch_sim::random_streams::{Draws, Stream};
 
@@ -11,10 +11,7 @@ use super::{
     CHECKED, Setup,
     calibration::{self, CalibratedCameras},
 };
-use catch_recording::{
-    brain::{BrainSettings, ChosenBrain},
-    reach_map,
-};
+use catch_recording::{brain::BrainSettings, reach_map};
 
 /// Knowledge of a cell's owner about it. Neither the truth nor any setting of the arena is within reach of
 /// what is made from this.
@@ -105,7 +102,7 @@ impl Setup {
     ///
     /// # Panics
     /// As [`known`](Self::known).
-    pub fn brain(&self, seed: u64, index: u64) -> ChosenBrain {
+    pub fn brain(&self, seed: u64, index: u64) -> CatchingBot {
         let settings = self.brain_config(seed, index);
         settings.brain(self.known_for(seed), settings.seed)
     }

@@ -359,7 +359,7 @@ fn candidates(playback: &Playback) -> Vec<Candidates> {
     let of_tick = |tick: &RecordedTick| {
         let (flight, plan) = tick.report.flight.as_ref().filter(|_| is_news(tick)).zip(tick.report.plan.as_ref())?;
         let (X_WO, V_WO) = (flight.pose_at(plan.catch_s), flight.twist_at(plan.catch_s));
-        let ranked = playback.known.grasps().rank(&X_WO, &V_WO.linear, &base, config, |_| true).0;
+        let ranked = playback.known.grasps.rank(&X_WO, &V_WO.linear, &base, config, |_| true).0;
         // A tenth of a millimetre is plenty for a picture.
         let rounded = |it: &RankedGrasp| seven(&it.X_WG).map(|value| (value * 1e4).round() as f32 / 1e4);
         let hands = ranked.iter().take(CANDIDATES).map(rounded).collect();

@@ -28,7 +28,7 @@ impl PackedPoints {
         let most = (most / seen.clone().count().max(1)).max(20);
         let radius_m = match playback.ground_truth() {
             Some(it) => it.surface.mesh().bounding_radius(),
-            None => playback.known.reference().radius_m,
+            None => playback.known.reference.radius_m,
         } * NEAR_RADII;
         let (mut time_s, mut first, mut values) = (Vec::new(), vec![0], Vec::new());
         for tick in seen {
