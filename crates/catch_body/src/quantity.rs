@@ -382,7 +382,6 @@ quantities! {
     /// Fractions of a limit that a plan may use.
     limit_scaling LIMIT_SCALING = 0.01 to 1.0 "";
     /// Work of a search.
-    work WORK = 1.0 to 100000.0 "";
     /// Densities of white noise of an acceleration.
     noise_density NOISE_DENSITY = 0.0 to 1000.0 "";
     /// Times within a life of many throws.

@@ -58,6 +58,12 @@ impl Config {
         grasping.restitution = grasping.restitution.or(object.restitution);
         let planning = &mut self.trajectory_optimization;
         planning.object_mass_kg = planning.object_mass_kg.or(object.mass_kg);
+        self.complete_by(cameras);
+        self
+    }
+
+    /// Completes these settings by what follows from the cameras.
+    fn complete_by(&mut self, cameras: &[CameraModel]) {
         let perception = &mut self.perception;
         let sheets = || cameras.iter().filter_map(|it| Some((it.sheet.as_ref()?, it.focal_px)));
         let worst =
@@ -75,8 +81,7 @@ impl Config {
         // distance d from the arm such a roll σ moves an object by up to d·σ, along one of the two axes that
         // an image tells of; n cameras that look from all around average it to d·σ/√(2n) along each.
         let rolled = perception.camera_sd_rad / (2.0 * cameras.len().max(1) as f64).sqrt();
-        prediction.correlated_sd_per_m.get_or_insert(rolled);
-        self
+        self.trajectory_prediction.correlated_sd_per_m.get_or_insert(rolled);
     }
 }
 
@@ -115,13 +120,14 @@ impl Preparation {
     /// # Errors
     /// A setting that is out of its range.
     pub fn new(
-        config: Config,
+        mut config: Config,
         (robot, reach_map): (Robot, Option<Arc<ReachMap>>),
         gripper: Gripper,
         cameras: Vec<CameraModel>,
         reference_scan: &ReferenceScan,
     ) -> Result<Self, InputError> {
         config.check()?;
+        config.complete_by(&cameras);
         let robot = robot.with_mount_of(&gripper);
         let reference = Arc::new(ReferenceModel::from_scan(reference_scan));
         let grasps = Arc::new(GraspSet::sample(&reference, &gripper, &config.grasp_selection));

@@ -352,7 +352,7 @@ mod tests {
             ),
             ("brain.perception.camera_sd_rad=inf", "brain.perception.camera_sd_rad: found inf"),
             ("ready_rad=[0, 0, 0, 0, 0, 0, inf]", "ready_rad[6]: found inf, expected a finite number"),
-            ("brain.trajectory_optimization.velocity_scaling=1.5", "0.01 to 1"),
+            ("brain.trajectory_optimization.terminal_velocity_scaling=1.5", "0.01 to 1"),
             ("brain.seed=7", "--seed"),
         ] {
             let fault = set(&[setting]).unwrap_err().to_string();
@@ -367,8 +367,6 @@ mod tests {
         let mut scenario = set(&more).unwrap();
         let brain = &mut scenario.brain;
         brain.perception.depth_noise = Some(Default::default());
-        (brain.perception.depth_common_fraction, brain.perception.depth_edge_px) = (Some(0.5), Some(2));
-        brain.trajectory_prediction.correlated_sd_per_m = Some(0.0);
         brain.trajectory_prediction.com_sd_m = Some(0.0);
         brain.grasp_selection.restitution = Some(0.5);
         brain.trajectory_optimization.object_mass_kg = Some(0.1);

@@ -61,15 +61,17 @@ pub struct Config {
     pub camera_sd_rad: f64,
     /// True if the cameras see the floor, the plane z = 0; false if it is not set.
     pub floor_visible: Option<bool>,
-    /// True if depths may be missing where there is a surface; false if it is not set.
+    /// True if depths may be missing where there is a surface; false if no data sheet says so. No setting of
+    /// a file, like the two after it.
+    #[serde(skip)]
     pub depth_dropout: Option<bool>,
-    /// Fraction of the depth noise's variance that all pixels of one image have in common; none if it is not
-    /// set.
-    #[serde(deserialize_with = "quantity::fraction")]
+    /// Fraction of the depth noise's variance that all pixels of one image have in common; none without a
+    /// data sheet.
+    #[serde(skip)]
     pub depth_common_fraction: Option<f64>,
     /// Number of pixels beside a depth edge that may show another surface, because stereo matches windows;
-    /// none if it is not set.
-    #[serde(deserialize_with = "quantity::edge_px")]
+    /// none without a data sheet.
+    #[serde(skip)]
     pub depth_edge_px: Option<u32>,
     /// Images of each camera, the first ones, that show the cell before anything flies: whatever is in them
     /// is background. None by default: all beside the arm, known obstacles and the floor is then the object.

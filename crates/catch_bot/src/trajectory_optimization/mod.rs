@@ -48,12 +48,15 @@ use reach_map::ReachMap;
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// Plans stay this far from the ends of the joints' ranges, in radians, so that an impact cannot push a
-    /// joint out.
-    #[serde(deserialize_with = "quantity::error_rad")]
+    /// joint out. No setting of a file, like the two scalings after it.
+    #[serde(skip)]
     pub position_margin_rad: f64,
     /// Fraction of the velocity limits that plans may use.
-    #[serde(deserialize_with = "quantity::limit_scaling")]
+    #[serde(skip)]
     pub velocity_scaling: f64,
+    /// Fraction of the torque limits that a plan may use.
+    #[serde(skip)]
+    pub torque_scaling: f64,
     /// Fraction of the velocity limits that a joint may have at the catch: the impact of a banana adds up to
     /// 5 %.
     #[serde(deserialize_with = "quantity::limit_scaling")]
@@ -62,15 +65,9 @@ pub struct Config {
     /// for it.
     #[serde(deserialize_with = "quantity::thrown_mass_kg")]
     pub object_mass_kg: Option<f64>,
-    /// Fraction of the torque limits that a plan may use.
-    #[serde(deserialize_with = "quantity::limit_scaling")]
-    pub torque_scaling: f64,
     /// The arm keeps this far from itself and from the floor, in metres.
     #[serde(deserialize_with = "quantity::size_m")]
     pub clearance_m: f64,
-    /// The work of all search passes at one image, in units of 1 to 2 µs.
-    #[serde(deserialize_with = "quantity::work")]
-    pub max_work: usize,
     /// Weights of the choice among reachable catches.
     pub weights: search::Weights,
 }
@@ -84,7 +81,6 @@ impl Default for Config {
             object_mass_kg: None,
             torque_scaling: 0.95,
             clearance_m: 0.02,
-            max_work: 4000,
             weights: search::Weights::default(),
         }
     }

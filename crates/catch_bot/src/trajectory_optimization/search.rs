@@ -46,7 +46,9 @@ const OFFSETS: [f64; 8] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
 /// Passes that make up a search. In the second round what got as far as the approach or a motion is tried a
 /// little sooner and later, too (`NEARBY_S`).
 pub const PASSES: usize = 2 * OFFSETS.len();
-/// The work of a posture and of an arrival, in the units of [`Config::max_work`](super::Config::max_work).
+/// The work of all search passes at one image, in units of 1 to 2 µs.
+const MAX_WORK: usize = 4000;
+/// The work of a posture and of an arrival.
 const WORK_OF_A_POSTURE: usize = 3;
 const WORK_OF_A_TERMINAL_VELOCITY: usize = 10;
 /// The work of an approach, of a motion, and of its apertures.
@@ -118,7 +120,7 @@ impl CatchSearch {
         let mut search = self.begin(start, incoming, departure_s);
         let mut failure = PlanningFailure::NoGrasp;
         for _ in 0..PASSES {
-            let left = self.motion.config.max_work.saturating_sub(search.work);
+            let left = MAX_WORK.saturating_sub(search.work);
             if left == 0 {
                 break;
             }

@@ -211,8 +211,8 @@ fn settings_out_of_range_are_named() {
             "settings of the brain: perception.camera_sd_rad: found nan, expected a finite number",
         ),
         (
-            fault(|it| it.trajectory_optimization.max_work = 0),
-            "settings of the brain: trajectory_optimization.max_work: found 0, expected 1 to 100000",
+            fault(|it| it.perception.background_images = 101),
+            "settings of the brain: perception.background_images: found 101, expected 0 to 100",
         ),
         (
             fault(|it| it.grasp_selection.restitution = Some(1.5)),

@@ -252,7 +252,10 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
             &["ready", "--set", "ready_rad=[2.8, 1.2, 1.1, -1.5, 1.6, 1.4, 0.2]", "--trials", "1", "--tries", "1"],
             &["no pose", "within reach"],
         ),
-        (&["catch", "--set", "brain.trajectory_optimization.velocity_scaling=1.5"], &["velocity_scaling", "0.01 to 1"]),
+        (
+            &["catch", "--set", "brain.trajectory_optimization.terminal_velocity_scaling=1.5"],
+            &["terminal_velocity_scaling", "0.01 to 1"],
+        ),
         (&["catch", "--set", "brain.trajectory_optimization.clearance_m=0"], &["clearance_m", "0.001 to 2 m"]),
         (&["catch", "--set", "arena.step_s=1e-9"], &["arena.step_s", "0.00001 to 0.002"]),
     ] {

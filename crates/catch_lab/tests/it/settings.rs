@@ -110,15 +110,11 @@ const ALL: &[(Where, &[&str], &str)] = &[
     (Honest, &[], "brain.perception.camera_sd_rad=0.01"),
     (Honest, &[], "brain.perception.floor_visible=true"),
     (Honest, &[], "brain.perception.uncalibrated_cameras=[0, 1, 2, 3, 4, 5, 6, 7, 8, 9]"),
-    (Honest, &[], "brain.perception.depth_dropout=false"),
-    (Honest, NEAR_CAMERAS, "brain.perception.depth_common_fraction=0.1"),
-    (Honest, &[], "brain.perception.depth_edge_px=3"),
     (Honest, &["room=office"], "brain.perception.background_images=3"),
     (Honest, &[], "brain.trajectory_prediction.drag_prior_per_m=0.1"),
     (Honest, &[], "brain.trajectory_prediction.drag_prior_sd_per_m=0.1"),
     (Honest, &[], "brain.trajectory_prediction.spin_prior_sd_radps=1.0"),
     (Honest, &[], "brain.trajectory_prediction.systematic_sd_m=0.02"),
-    (Honest, &[], "brain.trajectory_prediction.correlated_sd_per_m=0.01"),
     (Honest, &[], "brain.trajectory_prediction.com_sd_m=0.01"),
     (Honest, &[], "brain.trajectory_prediction.aerodynamics.drag_deviation_sd_per_m=0.02"),
     (Honest, &[], "brain.trajectory_prediction.aerodynamics.magnus=0.01"),
@@ -144,13 +140,9 @@ const ALL: &[(Where, &[&str], &str)] = &[
     (Honest, &[], "brain.grasp_selection.weights.pass_through=60.0"),
     (Honest, &[], "brain.grasp_selection.weights.max_sideways=0.02"),
     (Honest, &[], "brain.grasp_selection.weights.max_from_behind=-1.0"),
-    (Honest, &[], "brain.trajectory_optimization.position_margin_rad=0.5"),
-    (Honest, &[], "brain.trajectory_optimization.velocity_scaling=0.5"),
     (Honest, &[], "brain.trajectory_optimization.terminal_velocity_scaling=0.2"),
     (Honest, &[], "brain.trajectory_optimization.object_mass_kg=2.0"),
-    (Honest, &[], "brain.trajectory_optimization.torque_scaling=0.2"),
     (Honest, &[], "brain.trajectory_optimization.clearance_m=0.2"),
-    (Honest, &[], "brain.trajectory_optimization.max_work=50"),
     (Honest, &[], "brain.trajectory_optimization.weights.speed=20.0"),
     (Honest, &[], "brain.trajectory_optimization.weights.spin=20.0"),
     (Honest, &[], "brain.control.expected_latency_s=0.03"),
@@ -177,8 +169,6 @@ const NEAR_PERSON: &[&str] = &["arena.person={ nearest_m = 2.0, speed_mps = 1.0 
 const BANANA_IN_AIR: &[&str] = &["object=banana", "arena.drag=true", "arena.max_spin_radps=20"];
 const STEREO: &[&str] = &["arena.depth.model={ stereo = {} }"];
 const EDGES: &[&str] = &["arena.depth.model={ stereo = { edge_px = 2, bleed_fraction = 0.3, flying_fraction = 0.3 } }"];
-const NEAR_CAMERAS: &[&str] =
-    &["camera=d435", "flight_rig=d435_3", "arena.depth.model=near_stereo", "arena.frame_rate_hz=50"];
 /// A throw of a bottle that has grasps with the centre of mass far from the palm.
 const BOTTLE: &[&str] = &["object=pill_bottle", "index=1"];
 const NOISY: &[&str] = &["brain.perception.depth_noise={ constant_m = 0.002, quadratic_per_m = 0.001 }"];
@@ -242,7 +232,7 @@ impl Where {
                 let _ = write!(out, "{:?}", arena.truth());
             }
             Calibrated => {
-                let _ = write!(out, "{:?}", setup.known_for(SEED).cameras());
+                let _ = write!(out, "{:?}", setup.known_for(SEED).cameras);
             }
             Honest | Paper | AsPublished => {
                 let ends_s = if self == Paper { f64::INFINITY } else { AFTER_CATCH_S };
