@@ -10,6 +10,7 @@ use catch_body::{
 };
 use catch_cell::{CameraModel, sight::Sight};
 use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use serde::Serialize;
 
 use crate::playback::{MotionSample, Playback};
 
@@ -52,15 +53,18 @@ pub struct Seen {
 }
 
 /// A viewpoint.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize)]
 pub struct Viewpoint {
     /// Azimuth of the camera from the point that it looks at, in radians.
+    #[serde(rename = "azimuth")]
     pub azimuth_rad: f64,
     /// Elevation of the camera above the horizon, in radians.
+    #[serde(rename = "elevation")]
     pub elevation_rad: f64,
     /// Half the height of what is shown around hand and object, in metres.
     pub radius_m: f64,
     /// Pixels seen at the catch.
+    #[serde(skip)]
     pub seen: Seen,
 }
 

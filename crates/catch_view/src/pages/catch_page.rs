@@ -14,10 +14,13 @@ mod surfaces;
 use super::{VIEWER, document, fill, packed};
 use crate::playback::Playback;
 
-pub(super) use {data::seven, surfaces::PackedSurface};
 pub use {
     data::{Links, PageData},
     points::MOST_POINTS,
+};
+pub(super) use {
+    data::{joint_data, seven},
+    surfaces::PackedSurface,
 };
 
 const PAGE: &str = include_str!("catch_page/page.html");
