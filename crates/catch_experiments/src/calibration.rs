@@ -213,14 +213,9 @@ fn guess(camera: &CameraModel, draws: &mut Draws) -> CameraModel {
 /// The arm as it is believed to be, where that is wrong.
 fn believed(robot: &Robot, wrong: Wrong, draws: &mut Draws) -> Robot {
     let mut robot = robot.clone();
-    match wrong {
-        Wrong::Nothing | Wrong::Covers | Wrong::Noise => {}
-        Wrong::Zeros => {
-            for joint in &mut robot.joints {
-                let off_rad = ZERO_SD_DEG.to_radians() * draws.normal();
-                joint.X_PL.rotation *= UnitQuaternion::from_axis_angle(&joint.axis, off_rad);
-            }
-        }
+    for joint in robot.joints.iter_mut().filter(|_| wrong == Wrong::Zeros) {
+        let off_rad = ZERO_SD_DEG.to_radians() * draws.normal();
+        joint.X_PL.rotation *= UnitQuaternion::from_axis_angle(&joint.axis, off_rad);
     }
     robot
 }

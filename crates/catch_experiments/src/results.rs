@@ -148,29 +148,23 @@ impl Entry {
     }
 }
 
-/// Provenance of the results: command, version, machine and seed.
-#[derive(Debug, Serialize)]
-struct Provenance {
-    command: String,
-    version: &'static str,
-    commit: String,
-    machine: Machine,
-    seed: u64,
-    trials: u64,
-}
-
 #[derive(Debug, Serialize)]
 struct Machine {
     cpu: String,
     cores: usize,
 }
 
+/// The results with their provenance: command, version, machine and seed.
 #[derive(Debug, Serialize)]
 struct Document<'a> {
     experiment: &'a str,
     about: &'a str,
-    #[serde(flatten)]
-    provenance: &'a Provenance,
+    command: String,
+    version: &'static str,
+    commit: String,
+    machine: Machine,
+    seed: u64,
+    trials: u64,
     tables: &'a [Table],
 }
 
@@ -187,15 +181,18 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
     for folder in options.tracks.iter().filter_map(|it| it.file_name()) {
         let _ = write!(command, " --tracks {}", folder.display());
     }
-    let provenance = Provenance {
+    let document = Document {
+        experiment: name,
+        about,
         command,
         version: VERSION,
         commit: commit(),
         machine: Machine { cpu: cpu(), cores: thread::available_parallelism().map_or(1, usize::from) },
         seed: options.seed,
         trials: options.trials,
+        tables: &findings.tables,
     };
-    let Provenance { command, commit, machine, .. } = &provenance;
+    let Document { command, commit, machine, .. } = &document;
     let mut page = format!("# Results: {name}\n\nThis page is written by a command; changes by hand get lost.\n\n");
     let _ = write!(
         page,
@@ -206,7 +203,6 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
         let _ = write!(page, "\n{}", table.markdown());
     }
     fs::create_dir_all(folder).with_context(|| format!("{}", folder.display()))?;
-    let document = Document { experiment: name, about, provenance: &provenance, tables: &findings.tables };
     let path = folder.join(format!("{name}.md"));
     for (path, text) in
         [(&path, page), (&folder.join(format!("{name}.json")), serde_json::to_string_pretty(&document)? + "\n")]
