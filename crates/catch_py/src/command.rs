@@ -6,11 +6,10 @@ use catch_body::MAX_JOINTS;
 use catch_cell::{ArmTrajectory, BSpline, Command as Sent, PixelWindow, TrajectoryId};
 use catch_lab::trial::StateSnapshot;
 use numpy::{PyArray1, PyArray2};
-use pyo3::prelude::*;
+use pyo3::{prelude::*, types::PyTuple};
 
 use crate::{
     arguments::{MOST, Numbers, Whole, fault, instance, joint_vector, list, number},
-    cell_state::Made,
     observation::{Window, window_of},
 };
 
@@ -61,9 +60,8 @@ impl Trajectory {
         Ok(Self { id, spline, dof })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        let it = slf.get();
-        Ok((slf.get_type().into_any(), (it.id, it.knots_s(py), it.control_points(py)?).into_pyobject(py)?))
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        (self.id, self.knots_s(py), self.control_points(py)?).into_pyobject(py)
     }
 
     /// Identifier, higher than those of all trajectories that were sent before.
@@ -126,9 +124,9 @@ impl GripperMove {
         Ok(Self { sent })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        let catch_cell::GripperMove { start_s, width_m, speed_mps, force_n } = slf.get().sent;
-        Ok((slf.get_type().into_any(), (start_s, width_m, speed_mps, force_n).into_pyobject(py)?))
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let catch_cell::GripperMove { start_s, width_m, speed_mps, force_n } = self.sent;
+        (start_s, width_m, speed_mps, force_n).into_pyobject(py)
     }
 
     /// Start of the move, on the cell's clock.
@@ -197,9 +195,8 @@ impl Command {
         Ok(Self { sent, snapshot: None, dof: trajectory.map_or(0, |it| it.dof) })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        let it = slf.get();
-        Ok((slf.get_type().into_any(), (it.trajectory(), it.gripper(), it.windows()).into_pyobject(py)?))
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        (self.trajectory(), self.gripper(), self.windows()).into_pyobject(py)
     }
 
     /// Replaces the executing trajectory from its start on; `None` changes nothing.

@@ -35,16 +35,14 @@ const SCRIPTS: [&str; 6] = [
 
 /// The page of a throw.
 pub fn page(playback: &Playback) -> String {
-    filled(playback, &PageData::of(playback, MOST_POINTS))
+    page_among(playback, None)
 }
 
-/// The page of a throw among others.
-pub fn page_among(playback: &Playback, links: Links) -> String {
-    filled(playback, &PageData::of(playback, MOST_POINTS).among(links))
-}
-
-fn filled(playback: &Playback, data: &PageData) -> String {
-    let data = packed::json_in_html(data);
+/// The page of a throw, with links to others where it is one of a report's.
+pub fn page_among(playback: &Playback, links: Option<Links>) -> String {
+    let mut data = PageData::of(playback, MOST_POINTS);
+    data.links = links;
+    let data = packed::json_in_html(&data);
     fill(&template(), &[("title", &packed::text_in_html(&playback.header.title)), ("data", &data)])
 }
 

@@ -58,7 +58,7 @@ pub struct PageData {
     points: PackedPoints,
     cameras: Vec<Value>,
     stages: Option<Value>,
-    links: Option<Links>,
+    pub(super) links: Option<Links>,
 }
 
 /// Pages beside this one, where it is one of a report's.
@@ -120,13 +120,6 @@ impl PageData {
             stages: stages(playback),
             links: None,
         }
-    }
-}
-
-impl PageData {
-    /// The data with the way to other pages.
-    pub fn among(self, links: Links) -> Self {
-        Self { links: Some(links), ..self }
     }
 
     /// The data with the first view of another throw, for two throws beside each other.

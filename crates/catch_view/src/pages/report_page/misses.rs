@@ -72,7 +72,7 @@ pub fn record_misses(
             caught: neighbours.get(&i).and_then(|it| name(*it)),
             missed: neighbours.iter().find(|(_, caught)| **caught == i).and_then(|(it, _)| name(*it)),
         };
-        whole_file::write(page, catch_page::page_among(&playback, links))?;
+        whole_file::write(page, catch_page::page_among(&playback, Some(links)))?;
         let picture = shading::picture_of_catch(&playback);
         Ok(name(i).map(|name| (i, Miss { page: format!("{FOLDER}/{name}"), picture })))
     });
