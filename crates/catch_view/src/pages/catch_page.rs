@@ -11,16 +11,18 @@ mod points;
 mod predictions;
 mod surfaces;
 
+use serde_json::json;
+
 use super::{VIEWER, document, fill, packed};
 use crate::playback::Playback;
 
 pub use {
-    data::{Links, PageData},
+    data::{Links, page_data},
     points::MOST_POINTS,
 };
 pub(super) use {
     data::{joint_data, seven},
-    surfaces::PackedSurface,
+    surfaces::packed_surface,
 };
 
 const PAGE: &str = include_str!("catch_page/page.html");
@@ -40,8 +42,8 @@ pub fn page(playback: &Playback) -> String {
 
 /// The page of a throw, with links to others where it is one of a report's.
 pub fn page_among(playback: &Playback, links: Option<Links>) -> String {
-    let mut data = PageData::of(playback, MOST_POINTS);
-    data.links = links;
+    let mut data = page_data(playback, MOST_POINTS);
+    data["links"] = json!(links);
     let data = packed::json_in_html(&data);
     fill(&template(), &[("title", &packed::text_in_html(&playback.header.title)), ("data", &data)])
 }

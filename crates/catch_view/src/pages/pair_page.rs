@@ -1,9 +1,9 @@
 //! Two throws as one page, beside each other on one slider.
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::{
-    catch_page::{self, MOST_POINTS, PageData},
+    catch_page::{self, MOST_POINTS, page_data},
     document, fill, packed,
 };
 use crate::playback::Playback;
@@ -16,10 +16,11 @@ const SURFACES: &str = r#""surfaces":{{surfaces}}"#;
 
 /// The page of two throws with their names.
 pub fn page(throws: [(&str, &Playback); 2]) -> String {
-    let [a, b] = throws.map(|(_, playback)| PageData::of(playback, MOST_POINTS / 2));
-    let b = b.seen_as(&a);
-    let surfaces = format!("\"surfaces\":{}", packed::json_in_html(&a.surfaces));
-    let throw = |(name, playback): (&str, &Playback), data: &PageData| {
+    let [a, mut b] = throws.map(|(_, playback)| page_data(playback, MOST_POINTS / 2));
+    // Both are seen from the same side at first.
+    b["scene_view"] = a["scene_view"].clone();
+    let surfaces = format!("\"surfaces\":{}", packed::json_in_html(&a["surfaces"]));
+    let throw = |(name, playback): (&str, &Playback), data: &Value| {
         let title = packed::text_in_html(&format!("{name}: {}", playback.header.title));
         json!({ "title": title, "data": packed::json_in_html(data).replacen(&surfaces, SURFACES, 1) })
     };

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::{
     VIEWER,
-    catch_page::{PackedSurface, joint_data, seven},
+    catch_page::{joint_data, packed_surface, seven},
     document, fill, packed,
 };
 use crate::surfaces::thinned;
@@ -42,7 +42,7 @@ pub fn page<'a>(
     for (link, (surface, capsules)) in shapes.into_iter().enumerate() {
         let capsules = capsules.iter().map(|it| (Kind::Capsule, TriangleMesh::capsule(it, SEGMENTS)));
         let mesh = Some((Kind::Mesh, thinned(surface))).filter(|(_, it)| !it.triangles.is_empty());
-        surfaces.extend(mesh.into_iter().chain(capsules).map(|(kind, mesh)| PackedSurface::new(kind, link, &mesh)));
+        surfaces.extend(mesh.into_iter().chain(capsules).map(|(kind, mesh)| packed_surface(kind, link, &mesh, None)));
     }
     let joint = |joint: &Joint| {
         let mut data = joint_data(joint);

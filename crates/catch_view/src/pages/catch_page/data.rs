@@ -11,55 +11,22 @@ use crate::{
     pages::packed::Packed,
     playback::{MotionSample, Playback},
     surfaces::surfaces,
-    viewpoint::{CatchScene, Viewpoint},
+    viewpoint::CatchScene,
 };
-use catch_lab::{VERSION, recording::throw_times::TickTimes, referee::reason::Reason, scenario::setup::Scene};
+use catch_lab::{VERSION, recording::throw_times::TickTimes, referee::reason::Reason};
 use catch_recording::RecordedTick;
 
 use super::{
-    contacts::{TouchedPart, contacts},
-    points::PackedPoints,
+    contacts::contacts,
+    points::points_by_tick,
     predictions::{errors, is_news, predictions},
-    surfaces::PackedSurface,
+    surfaces::packed_surface,
 };
 
 /// Samples of the motion at most.
 const MOST_SAMPLES: usize = 1500;
 /// Candidates for a grasp that are shown of each tick.
 const CANDIDATES: usize = 16;
-
-/// All that the page's scripts read. Poses are (x, y, z, qx, qy, qz, qw); times count from the beginning of
-/// the recording.
-#[derive(Debug, Serialize)]
-pub struct PageData {
-    version: &'static str,
-    /// Scene of the throw; `None` for a real cell.
-    scene: Option<Scene>,
-    /// `None` where the outcome is unknown.
-    caught: Option<bool>,
-    /// Reason of the miss.
-    reason: Option<String>,
-    facts: Vec<(&'static str, String)>,
-    events: Vec<Value>,
-    end_s: f64,
-    flight_end_s: f64,
-    /// Of many throws one looks at the putting down, too.
-    shows_all: bool,
-    scene_view: Option<Viewpoint>,
-    close_up_view: Option<Viewpoint>,
-    robot: Value,
-    pub(in crate::pages) surfaces: Vec<PackedSurface>,
-    motion: Value,
-    predictions: Value,
-    errors: Value,
-    plans: Vec<Value>,
-    contacts: Vec<TouchedPart>,
-    candidates: Vec<Value>,
-    points: PackedPoints,
-    cameras: Vec<Value>,
-    stages: Option<Value>,
-    pub(super) links: Option<Links>,
-}
 
 /// Pages beside this one, where it is one of a report's.
 #[derive(Debug, Serialize)]
@@ -76,56 +43,54 @@ pub struct Links {
     pub missed: Option<String>,
 }
 
-impl PageData {
-    /// Gathers what the page of a throw shows, with at most so many points of its images.
-    pub fn of(playback: &Playback, points: usize) -> Self {
-        let Playback { header, ending, robot, gripper, .. } = playback;
-        let ground_truth = playback.ground_truth();
-        let verdict = ground_truth.map(|it| &it.verdict);
-        let start_s = playback.start_s();
-        let scene = CatchScene::new(playback);
-        let events = ending.timeline.iter().map(
-            |entry| json!({ "time_s": entry.time_s - start_s, "label": entry.event.label(), "detail": entry.detail }),
-        );
-        // Half the image's width and height at a depth of 1 m.
-        let half = |camera: &CameraModel| {
-            [camera.width_px, camera.height_px].map(|size| f64::from(size) / 2.0 / camera.focal_px)
-        };
-        let camera = |camera: &CameraModel| json!({ "pose": seven(&camera.X_WC), "half": half(camera) });
-        Self {
-            version: VERSION,
-            scene: header.simulation.as_ref().map(|it| it.scene.clone()),
-            caught: verdict.map(|it| it.caught),
-            reason: verdict.and_then(|it| it.reason.as_ref()).map(Reason::to_string),
-            facts: facts(playback),
-            events: events.collect(),
-            end_s: playback.end_s() - start_s,
-            flight_end_s: playback.flight_end_s() - start_s,
-            shows_all: header.simulation.as_ref().is_some_and(|it| it.thrown_s.is_some()),
-            scene_view: scene.as_ref().map(CatchScene::scene),
-            close_up_view: scene.as_ref().map(CatchScene::close_up),
-            robot: robot_data(robot, gripper),
-            surfaces: surfaces(robot, gripper, ground_truth.map(|it| it.surface.mesh()).as_ref())
-                .into_iter()
-                .map(PackedSurface::from)
-                .collect(),
-            motion: motion(playback),
-            predictions: predictions(playback),
-            errors: errors(playback),
-            plans: playback.ticks.iter().filter_map(|tick| plan_of(playback, tick)).collect(),
-            contacts: contacts(playback),
-            candidates: candidates(playback),
-            points: PackedPoints::of(playback, points),
-            cameras: header.cell.cameras.iter().map(camera).collect(),
-            stages: stages(playback),
-            links: None,
-        }
-    }
-
-    /// The data with the first view of another throw, for two throws beside each other.
-    pub fn seen_as(self, other: &Self) -> Self {
-        Self { scene_view: other.scene_view, ..self }
-    }
+/// All that the page's scripts read, with at most so many points of its images. Poses are (x, y, z, qx, qy,
+/// qz, qw); times count from the beginning of the recording.
+pub fn page_data(playback: &Playback, points: usize) -> Value {
+    let Playback { header, ending, robot, gripper, .. } = playback;
+    let ground_truth = playback.ground_truth();
+    let verdict = ground_truth.map(|it| &it.verdict);
+    let start_s = playback.start_s();
+    let scene = CatchScene::new(playback);
+    let events = ending
+        .timeline
+        .iter()
+        .map(|entry| json!({ "time_s": entry.time_s - start_s, "label": entry.event.label(), "detail": entry.detail }));
+    // Half the image's width and height at a depth of 1 m.
+    let half =
+        |camera: &CameraModel| [camera.width_px, camera.height_px].map(|size| f64::from(size) / 2.0 / camera.focal_px);
+    let camera = |camera: &CameraModel| json!({ "pose": seven(&camera.X_WC), "half": half(camera) });
+    let object = ground_truth.map(|it| it.surface.mesh());
+    let surfaces = surfaces(robot, gripper, object.as_ref()).into_iter();
+    json!({
+        "version": VERSION,
+        // Scene of the throw; null for a real cell.
+        "scene": header.simulation.as_ref().map(|it| &it.scene),
+        // Null where the outcome is unknown.
+        "caught": verdict.map(|it| it.caught),
+        // Reason of the miss.
+        "reason": verdict.and_then(|it| it.reason.as_ref()).map(Reason::to_string),
+        "facts": facts(playback),
+        "events": events.collect::<Vec<_>>(),
+        "end_s": playback.end_s() - start_s,
+        "flight_end_s": playback.flight_end_s() - start_s,
+        // Of many throws one looks at the putting down, too.
+        "shows_all": header.simulation.as_ref().is_some_and(|it| it.thrown_s.is_some()),
+        "scene_view": scene.as_ref().map(CatchScene::scene),
+        "close_up_view": scene.as_ref().map(CatchScene::close_up),
+        "robot": robot_data(robot, gripper),
+        "surfaces": surfaces.map(|it| packed_surface(it.of, it.link, &it.mesh, Some(it.colour))).collect::<Vec<_>>(),
+        "motion": motion(playback),
+        "predictions": predictions(playback),
+        "errors": errors(playback),
+        "plans": playback.ticks.iter().filter_map(|tick| plan_of(playback, tick)).collect::<Vec<_>>(),
+        "contacts": contacts(playback),
+        "candidates": candidates(playback),
+        "points": points_by_tick(playback, points),
+        "cameras": header.cell.cameras.iter().map(camera).collect::<Vec<_>>(),
+        "stages": stages(playback),
+        // Pages beside this one, where it is one of a report's.
+        "links": null,
+    })
 }
 
 /// Measures of the referee, for people; without ground truth, the clock of the page's times.
