@@ -11,15 +11,12 @@ mod points;
 mod predictions;
 mod surfaces;
 
-use serde_json::json;
+use serde_json::Value;
 
 use super::{VIEWER, document, fill, packed};
 use crate::playback::Playback;
 
-pub use {
-    data::{Links, page_data},
-    points::MOST_POINTS,
-};
+pub use {data::page_data, points::MOST_POINTS};
 pub(super) use {
     data::{joint_data, seven},
     surfaces::packed_surface,
@@ -37,13 +34,13 @@ const SCRIPTS: [&str; 6] = [
 
 /// The page of a throw.
 pub fn page(playback: &Playback) -> String {
-    page_among(playback, None)
+    page_among(playback, Value::Null)
 }
 
 /// The page of a throw, with links to others where it is one of a report's.
-pub fn page_among(playback: &Playback, links: Option<Links>) -> String {
+pub fn page_among(playback: &Playback, links: Value) -> String {
     let mut data = page_data(playback, MOST_POINTS);
-    data["links"] = json!(links);
+    data["links"] = links;
     let data = packed::json_in_html(&data);
     fill(&template(), &[("title", &packed::text_in_html(&playback.header.title)), ("data", &data)])
 }

@@ -4,7 +4,6 @@ use catch_body::{Gripper, Pose, Robot, robot::Joint, shape::Capsule};
 use catch_bot::grasp_selection::RankedGrasp;
 use catch_cell::CameraModel;
 use nalgebra::Point3;
-use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::{
@@ -27,21 +26,6 @@ use super::{
 const MOST_SAMPLES: usize = 1500;
 /// Candidates for a grasp that are shown of each tick.
 const CANDIDATES: usize = 16;
-
-/// Pages beside this one, where it is one of a report's.
-#[derive(Debug, Serialize)]
-pub struct Links {
-    /// The report.
-    pub report: String,
-    /// The miss before this one.
-    pub previous: Option<String>,
-    /// The miss after this one.
-    pub next: Option<String>,
-    /// The nearest throw that was caught.
-    pub caught: Option<String>,
-    /// Of a caught one, the miss that it is near to.
-    pub missed: Option<String>,
-}
 
 /// All that the page's scripts read, with at most so many points of its images. Poses are (x, y, z, qx, qy,
 /// qz, qw); times count from the beginning of the recording.
