@@ -7,15 +7,18 @@ use nalgebra::Point3;
 
 use crate::description::{Geometry, Shape};
 
+/// The groups of a mesh file.
+type Groups = Result<Vec<TriangleMesh>, InputError>;
+
 /// The meshes of a description, as `read` reads the file that a name means.
 pub struct MeshFiles<'a> {
-    read: Box<dyn Fn(&str) -> Result<Vec<TriangleMesh>, InputError> + 'a>,
+    read: Box<dyn Fn(&str) -> Groups + 'a>,
     known: HashMap<String, Result<Rc<Vec<TriangleMesh>>, InputError>>,
     triangles: usize,
 }
 
 impl<'a> MeshFiles<'a> {
-    pub fn new(read: impl Fn(&str) -> Result<Vec<TriangleMesh>, InputError> + 'a) -> Self {
+    pub fn new(read: impl Fn(&str) -> Groups + 'a) -> Self {
         Self { read: Box::new(read), known: HashMap::new(), triangles: 0 }
     }
 
@@ -53,7 +56,7 @@ impl<'a> MeshFiles<'a> {
         Ok((all, faults))
     }
 
-    fn groups(&mut self, geometry: &Geometry) -> Result<Vec<TriangleMesh>, InputError> {
+    fn groups(&mut self, geometry: &Geometry) -> Groups {
         let Shape::Mesh { file: named, scale } = &geometry.shape else {
             return Ok(geometry.surface().into_iter().collect());
         };

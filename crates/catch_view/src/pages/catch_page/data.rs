@@ -114,7 +114,7 @@ pub(crate) fn joint_data(joint: &Joint) -> Value {
 
 fn robot_data(robot: &Robot, gripper: &Gripper) -> Value {
     let capsule = |(link, it): &(usize, Capsule)| {
-        let [from, to] = [it.from, it.to].map(|end| <[f64; 3]>::from(end));
+        let [from, to] = [it.from, it.to].map(<[f64; 3]>::from);
         json!({ "link": link, "from": from, "to": to, "radius": it.radius })
     };
     json!({
