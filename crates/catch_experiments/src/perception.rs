@@ -183,19 +183,19 @@ impl Errors {
         }
     }
 
-    fn entries(&self) -> Vec<Entry> {
+    fn entries(&self) -> [(&'static str, Entry); 10] {
         let [early_m, late_m] = &self.predicted_m;
-        vec![
-            Entry::Count(self.throws),
-            percent(self.right_at_first, self.throws),
-            percent(self.missing[0], self.missing[1]),
-            median(&self.pose_m, 1e3),
-            median(&self.pose_rad, 180.0 / std::f64::consts::PI),
-            median(early_m, 1e3),
-            median(late_m, 1e3),
-            median(&self.predicted_rad, 180.0 / std::f64::consts::PI),
-            percent(self.covered, late_m.len()),
-            Entry::Count(self.throws - late_m.len()),
+        [
+            ("throws", Entry::Count(self.throws)),
+            ("first pose right, %", percent(self.right_at_first, self.throws)),
+            ("images without pose, %", percent(self.missing[0], self.missing[1])),
+            ("pose, mm", median(&self.pose_m, 1e3)),
+            ("pose, °", median(&self.pose_rad, 180.0 / std::f64::consts::PI)),
+            ("position from 100 ms, mm", median(early_m, 1e3)),
+            ("position from 200 ms, mm", median(late_m, 1e3)),
+            ("orientation from 200 ms, °", median(&self.predicted_rad, 180.0 / std::f64::consts::PI)),
+            ("within 95 %, %", percent(self.covered, late_m.len())),
+            ("without", Entry::Count(self.throws - late_m.len())),
         ]
     }
 }
@@ -205,23 +205,9 @@ medians, of poses over all images, of predictions over all throws. A first pose 
 release, from the first 100 ms and from all 200 ms. *Within 95 %*: predicted positions in their 95 % ellipsoid. *Without*: throws without a prediction, or \
 touched by then.";
 
-const COLUMNS: [&str; 10] = [
-    "throws",
-    "first pose right, %",
-    "images without pose, %",
-    "pose, mm",
-    "pose, °",
-    "position from 100 ms, mm",
-    "position from 200 ms, mm",
-    "orientation from 200 ms, °",
-    "within 95 %, %",
-    "without",
-];
-
 /// Table by depth noise, with labels and without.
-pub fn tables(options: &Options) -> Result<Vec<Table>> {
-    let mut table =
-        Table::new("Poses and predictions by noise", &[&["noise", "labels", "object"][..], &COLUMNS].concat());
+pub fn table(options: &Options) -> Result<Table> {
+    let mut table = Table::new("Poses and predictions by noise", &[]);
     for condition in noises_and_labels() {
         for object in Kind::Object.names() {
             let setups = condition.setups(object)?;
@@ -231,9 +217,10 @@ pub fn tables(options: &Options) -> Result<Vec<Table>> {
                 parallel::map(options.trials as usize, |index| Throw::seen(setup(index), options.seed, index as u64));
             let mut all = Errors::default();
             throws.iter().enumerate().for_each(|(index, throw)| all.add(setup(index), throw));
-            let labels = condition.labels.iter().copied().chain([object]).map(Entry::text);
-            table.rows.push(labels.chain(all.entries()).collect());
+            let [noise, labels] = condition.labels;
+            let labels = [("noise", noise), ("labels", labels), ("object", object)];
+            table.add(labels.map(|(column, it)| (column, Entry::text(it))).into_iter().chain(all.entries()));
         }
     }
-    Ok(vec![table])
+    Ok(table)
 }

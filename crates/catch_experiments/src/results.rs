@@ -52,6 +52,13 @@ impl Table {
         Self { title: title.to_owned(), columns, rows: Vec::new(), across: None }
     }
 
+    /// Adds a row whose entries stand behind the names of their columns.
+    pub fn add<'a>(&mut self, row: impl IntoIterator<Item = (&'a str, Entry)>) {
+        let (columns, entries): (Vec<&str>, Vec<Entry>) = row.into_iter().unzip();
+        self.columns = columns.into_iter().map(str::to_owned).collect();
+        self.rows.push(entries);
+    }
+
     /// The same with a column of the page for each word of this one, whose rows are neighbours.
     pub fn across(self, column: &str) -> Self {
         Self { across: Some(column.to_owned()), ..self }
