@@ -193,7 +193,8 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
         about,
         command,
         version: VERSION,
-        commit: commit(),
+        // The commit that is checked out, marked where sources differ from it.
+        commit: marked(&["rev-parse", "--short", "HEAD"], &["crates", "assets"]),
         machine: Machine { cpu: cpu(), cores: thread::available_parallelism().map_or(1, usize::from) },
         seed: options.seed,
         trials: options.trials,
@@ -219,17 +220,13 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
     Ok(path)
 }
 
-/// The commit that is checked out, marked where sources differ from it; `unknown` outside of a repository.
-fn commit() -> String {
-    marked(&["rev-parse", "--short", "HEAD"], &["crates", "assets"])
-}
-
 /// The last commit that changed anything at these paths from the root of the repository, marked likewise.
 pub fn last_change(paths: &[&str]) -> String {
     marked(&[&["log", "-1", "--format=%h", "--"], paths].concat(), paths)
 }
 
-/// The commit that git tells, marked if something at these paths is not committed.
+/// The commit that git tells, marked if something at these paths is not committed; `unknown` outside of a
+/// repository.
 fn marked(tells_commit: &[&str], paths: &[&str]) -> String {
     let git = |arguments: &[&str]| {
         let output = Command::new("git").args(arguments).output().ok().filter(|output| output.status.success());
