@@ -274,16 +274,14 @@ fn camera_documents(
     truth: &[CameraModel],
 ) -> Vec<CameraDocument> {
     let left_out = calibration::left_out(found);
-    let all = found.iter().zip(calibrated).zip(truth).enumerate();
-    let document = |(i, ((found, calibrated), truth)): (usize, ((&CameraCalibration, &CameraModel), &CameraModel))| {
-        camera_document(found, &calibrated.X_WC, &truth.X_WC, !left_out.contains(&i))
-    };
-    all.map(document).collect()
+    let poses = calibrated.iter().zip(truth).map(|(calibrated, truth)| [calibrated.X_WC, truth.X_WC]);
+    let all = found.iter().zip(poses).enumerate();
+    all.map(|(i, (found, poses))| camera_document(found, poses, !left_out.contains(&i))).collect()
 }
 
 /// `X_WC` is where the camera is believed to stand from then on, `X_WT` where it truly stands.
-fn camera_document(found: &CameraCalibration, X_WC: &Pose, X_WT: &Pose, is_used: bool) -> CameraDocument {
-    let X_CT = X_WC.inv_mul(X_WT);
+fn camera_document(found: &CameraCalibration, [X_WC, X_WT]: [Pose; 2], is_used: bool) -> CameraDocument {
+    let X_CT = X_WC.inv_mul(&X_WT);
     let sd = |first: usize| found.covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
     CameraDocument {
         status: found.status,

@@ -7,7 +7,7 @@ use catch_lab::{
     parallel,
 };
 use catch_recording::whole_file::{self, make_writable};
-use catch_view::pages::compare_page::{self, interval, points};
+use catch_view::pages::compare_page;
 use serde::Serialize;
 
 use crate::screen;
@@ -57,11 +57,7 @@ pub fn run(folders: [&PathBuf; 2], folder: &Path, json: bool) -> anyhow::Result<
     let (only_a, only_b) = (format!("only\n{}", names[0]), format!("only\n{}", names[1]));
     let headings = ["object, throw", "throws", "both", &only_a, &only_b, "neither", "difference", "95 %", "p"];
     let mut table = screen::table(headings.map(str::to_owned), 1..9);
-    table.add_rows(cells.iter().map(|(name, it)| {
-        let counts = [it.trials, it.both, it.only_a, it.only_b, it.neither].map(|count| count.to_string());
-        let rates = [points(it.difference), interval(it.difference95), format!("{:.2}", it.mcnemar_p)];
-        [name.clone()].into_iter().chain(counts).chain(rates)
-    }));
+    table.add_rows(cells.iter().map(|(name, it)| [name.clone()].into_iter().chain(compare_page::figures(it))));
     screen::line(&format!("\n{}\n", table.trim_fmt()))?;
     Ok(page)
 }

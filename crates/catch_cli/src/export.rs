@@ -1,11 +1,10 @@
 //! `catchingbot export`: the scene of a throw in the format of another tool.
 
-use std::path::{Path, PathBuf};
+use std::{collections::BTreeMap, path::PathBuf};
 
 use catch_recording::whole_file;
 use catch_view::export::mjcf;
 use clap::Args;
-use serde::Serialize;
 
 use super::ThrowArguments;
 use crate::screen;
@@ -25,11 +24,6 @@ pub struct ExportArguments {
 }
 
 /// The JSON document.
-#[derive(Serialize)]
-struct Document<'a> {
-    mjcf: &'a Path,
-}
-
 /// Writes the scene of a throw.
 ///
 /// # Errors
@@ -40,7 +34,7 @@ pub fn run(arguments: &ExportArguments) -> anyhow::Result<()> {
     let file = mjcf.join("scene.xml");
     whole_file::write_new(&[(file.clone(), mjcf::scene(&setup, *seed, *index).into_bytes())], "--mjcf")?;
     if *json {
-        return screen::document(&Document { mjcf: &file });
+        return screen::document(&BTreeMap::from([("mjcf", &file)]));
     }
     Ok(screen::fact("scene", &format!("throw {index} of seed {seed}, in {}", file.display()))?)
 }

@@ -1,6 +1,6 @@
 //! `catchingbot plan`: plans for catches that are described in a file.
 
-use std::{path::PathBuf, time::Instant};
+use std::{collections::BTreeMap, path::PathBuf, time::Instant};
 
 use catch_body::statistics::{median, quantile, sorted};
 use catch_body::{Gripper, JointVector, Robot};
@@ -46,11 +46,6 @@ pub struct PlanArguments {
     /// Print one JSON document
     #[arg(long)]
     json: bool,
-}
-
-#[derive(Serialize)]
-struct Document {
-    cases: Vec<Row>,
 }
 
 /// Result of one case.
@@ -120,7 +115,7 @@ pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
         rows.push(row(planner, &start, case, arguments.general));
     }
     if arguments.json {
-        return screen::document(&Document { cases: rows });
+        return screen::document(&BTreeMap::from([("cases", rows)]));
     }
     Ok(print(&rows)?)
 }

@@ -14,7 +14,6 @@ use clap::{Args, ValueEnum};
 use nalgebra::{Unit, Vector3};
 use serde::Serialize;
 
-use super::register::rows;
 use crate::screen;
 
 /// Arguments of `predict`.
@@ -181,7 +180,7 @@ impl Prediction {
             time_s,
             position: state.position.into(),
             velocity: state.velocity.into(),
-            covariance: rows(&state.covariance),
+            covariance: state.covariance.transpose().into(),
         }
     }
 }

@@ -9,7 +9,6 @@ use catch_import::{
 };
 use catch_recording::whole_file::COMMAND_LINE;
 use clap::Args;
-use nalgebra::Matrix6;
 use serde::Serialize;
 
 use crate::screen;
@@ -79,7 +78,7 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
             translation_m: it.translation.vector.into(),
             rotation_xyzw: it.rotation.coords.into(),
         }),
-        information: found.information.as_ref().map(rows),
+        information: found.information.map(|it| it.transpose().into()),
         residual_m: found.residual_m,
         points: cloud.points.len(),
         symmetry: found.symmetry,
@@ -112,9 +111,4 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
         screen::fact("residual", &format!("{:.2} mm", residual_m * 1e3))?;
     }
     Ok(())
-}
-
-/// A symmetric matrix row by row.
-pub fn rows(matrix: &Matrix6<f64>) -> [[f64; 6]; 6] {
-    std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)]))
 }

@@ -128,10 +128,6 @@ struct Reach {
 /// Faults of the description, the options or the folder.
 pub fn run(arguments: &RobotArguments) -> anyhow::Result<()> {
     let RobotCommand::Import(arguments) = &arguments.command;
-    import(arguments)
-}
-
-fn import(arguments: &ImportArguments) -> anyhow::Result<()> {
     let out = &arguments.out;
     check_new([out], "--out")?;
     let options = ImportOptions {
@@ -151,8 +147,8 @@ fn import(arguments: &ImportArguments) -> anyhow::Result<()> {
     let unfinished = unfinished_folder(out)?;
     let folder = unfinished.path();
     let write = |name: &str, text: String| whole_file::write(&folder.join(name), text);
-    write("robot.urdf", imported.urdf())?;
-    write("robot.toml", imported.toml())?;
+    write("robot.urdf", imported.draft.urdf())?;
+    write("robot.toml", imported.draft.toml())?;
     let meshes = imported.meshes();
     if !meshes.is_empty() {
         fs::create_dir(folder.join("visual"))?;
@@ -161,7 +157,7 @@ fn import(arguments: &ImportArguments) -> anyhow::Result<()> {
         write(&name, text)?;
     }
     let reach = if arguments.no_ready { None } else { Some(choose_ready_pose(arguments, folder, &mut imported)?) };
-    write("robot.toml", imported.toml())?;
+    write("robot.toml", imported.draft.toml())?;
     write("capsules.html", page(&imported))?;
     fs::rename(folder, out).map_err(|it| InputError::unwritten(out.display(), &it, "a folder that can be written"))?;
     tell(arguments, &imported, reach)
@@ -169,7 +165,7 @@ fn import(arguments: &ImportArguments) -> anyhow::Result<()> {
 
 /// The page that shows the capsules over the shapes of the links.
 fn page(imported: &ImportedRobot) -> String {
-    let shapes = imported.shapes().iter().map(|it| (&it.surface, &it.capsules[..]));
+    let shapes = imported.draft.shapes.iter().map(|it| (&it.surface, &it.capsules[..]));
     robot_page::page(&imported.robot, shapes, imported.coverage())
 }
 
@@ -216,10 +212,11 @@ fn choose_ready_pose(
 
 /// Says what was made, and what to do next.
 fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Reach>) -> anyhow::Result<()> {
-    let chain = imported.chain();
+    let chain = &imported.draft.chain;
     let robot = &imported.robot;
     let assumed = imported.assumptions();
-    let mut unread: Vec<String> = imported.shapes().iter().flat_map(|it| &it.unread).map(ToString::to_string).collect();
+    let mut unread: Vec<String> =
+        imported.draft.shapes.iter().flat_map(|it| &it.unread).map(ToString::to_string).collect();
     unread.dedup();
     let (taken_off, reason) = chain.fingers.clone().map(|it| (it.links, it.reason)).unzip();
     let taken_off = taken_off.unwrap_or_default();

@@ -126,8 +126,12 @@ pub fn run(options: &Options) -> Result<Findings> {
             let published =
                 published_rates().into_iter().find(|rate| rate.object == cell.object && rate.throw == cell.throw);
             let published = Entry::Number(published.map(|rate| rate.caught * 100.0));
-            let name = |text: &String| Entry::text(text.as_str());
-            let head = vec![name(&cell.object), name(&cell.throw), published, percents(&cell.counts, cell.trials)];
+            let head = vec![
+                Entry::text(&cell.object),
+                Entry::text(&cell.throw),
+                published,
+                percents(&cell.counts, cell.trials),
+            ];
             table.rows.push(head.into_iter().chain(rates(&verdicts)).chain(driven(&verdicts)).collect());
             all.extend(verdicts);
         }

@@ -97,21 +97,8 @@ type Drawn = (f64, Vec<(Vec<Outcome>, Option<flights::Refined>)>);
 
 /// Cameras by what is wrong.
 pub fn run(options: &Options) -> Result<Findings> {
-    let columns = [
-        "cameras",
-        "condition",
-        "draws",
-        "converged, %",
-        "position, mm",
-        "rotation, °",
-        "time, ms",
-        "coverage, %",
-        "claimed, mm",
-        "claimed, °",
-        "robot time, s",
-    ];
-    let mut table = Table::new("Cameras calibrated on the arm", &columns);
-    let mut refined = flights::table();
+    let mut table = Table::new("Cameras calibrated on the arm", &[]);
+    let mut refined = Table::new("Refined by 20 flights", &[]);
     for conditions in CONDITIONS {
         let setup = setup(conditions[0])?;
         setup.prepare();
@@ -120,34 +107,34 @@ pub fn run(options: &Options) -> Result<Findings> {
         for (i, condition) in conditions.iter().enumerate() {
             let times: Vec<f64> = drawn.iter().map(|it| it.0).collect();
             let cameras: Vec<&Outcome> = drawn.iter().flat_map(|it| &it.1[i].0).collect();
-            table.rows.push(row(*condition, &times, &cameras));
+            table.add(row(*condition, &times, &cameras));
             let by_flights: Vec<&flights::Refined> = drawn.iter().filter_map(|it| it.1[i].1.as_ref()).collect();
-            refined.rows.extend(flights::rows(*condition, &by_flights));
+            flights::rows(*condition, &by_flights).into_iter().for_each(|row| refined.add(row));
         }
     }
     table.rows.sort_by_key(|row| match row[0] {
         Entry::Count(cameras) => cameras,
         _ => 0,
     });
-    let perceived = perception::tables(options)?;
-    Ok(Findings { legend: [LEGEND, perception::LEGEND].concat(), tables: [vec![table, refined], perceived].concat() })
+    let tables = vec![table, refined, perception::table(options)?];
+    Ok(Findings { legend: [LEGEND, perception::LEGEND].concat(), tables })
 }
 
-fn row(condition: Condition, times: &[f64], cameras: &[&Outcome]) -> Vec<Entry> {
+fn row(condition: Condition, times: &[f64], cameras: &[&Outcome]) -> [(&'static str, Entry); 11] {
     let good: Vec<&Outcome> = cameras.iter().copied().filter(|it| it.status == CalibrationStatus::Converged).collect();
     let values = |of: fn(&Outcome) -> f64| good.iter().map(|it| of(it)).collect::<Vec<f64>>();
-    vec![
-        Entry::Count(condition.cameras),
-        Entry::text(condition.about),
-        Entry::Count(times.len()),
-        percent(good.len(), cameras.len()),
-        spread(&values(|it| it.position_m), 1e3),
-        spread(&values(|it| it.rotation_deg), 1.0),
-        spread(&values(|it| it.time_s.abs()), 1e3),
-        percent(good.iter().filter(|it| it.is_covered).count(), good.len()),
-        median(&values(|it| it.position_sd_m), 1e3),
-        median(&values(|it| it.rotation_sd_deg), 1.0),
-        median(times, 1.0),
+    [
+        ("cameras", Entry::Count(condition.cameras)),
+        ("condition", Entry::text(condition.about)),
+        ("draws", Entry::Count(times.len())),
+        ("converged, %", percent(good.len(), cameras.len())),
+        ("position, mm", spread(&values(|it| it.position_m), 1e3)),
+        ("rotation, °", spread(&values(|it| it.rotation_deg), 1.0)),
+        ("time, ms", spread(&values(|it| it.time_s.abs()), 1e3)),
+        ("coverage, %", percent(good.iter().filter(|it| it.is_covered).count(), good.len())),
+        ("claimed, mm", median(&values(|it| it.position_sd_m), 1e3)),
+        ("claimed, °", median(&values(|it| it.rotation_sd_deg), 1.0)),
+        ("robot time, s", median(times, 1.0)),
     ]
 }
 
@@ -213,14 +200,9 @@ fn guess(camera: &CameraModel, draws: &mut Draws) -> CameraModel {
 /// The arm as it is believed to be, where that is wrong.
 fn believed(robot: &Robot, wrong: Wrong, draws: &mut Draws) -> Robot {
     let mut robot = robot.clone();
-    match wrong {
-        Wrong::Nothing | Wrong::Covers | Wrong::Noise => {}
-        Wrong::Zeros => {
-            for joint in &mut robot.joints {
-                let off_rad = ZERO_SD_DEG.to_radians() * draws.normal();
-                joint.X_PL.rotation *= UnitQuaternion::from_axis_angle(&joint.axis, off_rad);
-            }
-        }
+    for joint in robot.joints.iter_mut().filter(|_| wrong == Wrong::Zeros) {
+        let off_rad = ZERO_SD_DEG.to_radians() * draws.normal();
+        joint.X_PL.rotation *= UnitQuaternion::from_axis_angle(&joint.axis, off_rad);
     }
     robot
 }

@@ -22,19 +22,9 @@ mod spread;
 use std::{collections::BTreeSet, path::PathBuf};
 
 use anyhow::{Context, Result, bail};
-use clap::Parser;
+use clap::{Parser, ValueEnum};
 
 use results::Table;
-
-/// An experiment.
-struct Experiment {
-    name: &'static str,
-    /// Description of the experiment, in one line.
-    about: &'static str,
-    /// Trials per condition unless told otherwise.
-    trials: u64,
-    run: fn(&Options) -> Result<Findings>,
-}
 
 /// Options of an experiment.
 #[derive(Debug, Clone)]
@@ -65,68 +55,56 @@ pub struct Findings {
     pub tables: Vec<Table>,
 }
 
-const EXPERIMENTS: &[Experiment] = &[
-    Experiment {
-        name: "catch-rates",
-        about: "how often the built-in arm catches the built-in objects",
-        trials: 600,
-        run: catch_rates::run,
-    },
-    Experiment {
-        name: "objects",
-        about: "objects of public collections, imported by one command each and thrown in the scenario honest",
-        trials: 100,
-        run: objects::run,
-    },
-    Experiment {
-        name: "grippers-and-arms",
-        about: "how often arms with hands that laboratories own catch the built-in objects",
-        trials: 100,
-        run: grippers_and_arms::run,
-    },
-    Experiment {
-        name: "cameras",
-        about: "how often rigs of a few near cameras let the built-in arm catch, and how soon a pushed camera is noticed",
-        trials: 200,
-        run: cameras::run,
-    },
-    Experiment {
-        name: "calibration-and-perception",
-        about: "errors of near cameras that are calibrated on the arm, and of poses and predictions",
-        trials: 20,
-        run: calibration::run,
-    },
-    Experiment {
-        name: "mistold",
-        about: "what a wrong belief of the brain costs, one at a time, on the same throws",
-        trials: 100,
-        run: mistold::run,
-    },
-    Experiment {
-        name: "reliability",
-        about: "how many positions lie in the ellipsoids that predictions claim",
-        trials: 60,
-        run: reliability::run,
-    },
-    Experiment {
-        name: "flights",
-        about: "recorded throws, which --tracks names: predictions of their ends, and what is caught of them",
-        trials: 60,
-        run: flights::run,
-    },
-    Experiment {
-        name: "as-published",
-        about: "Table I by the paper's own method, what each of its assumptions was worth, and the method under the arm's limits",
-        trials: 57,
-        run: as_published::run,
-    },
-    Experiment {
-        name: "peers",
-        about: "other libraries at the same work, which benches/peers/run installs",
-        trials: 50,
-        run: peers::run,
-    },
-];
+/// An experiment; what is said of it is its description in one line.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Experiment {
+    /// how often the built-in arm catches the built-in objects
+    CatchRates,
+    /// objects of public collections, imported by one command each and thrown in the scenario honest
+    Objects,
+    /// how often arms with hands that laboratories own catch the built-in objects
+    GrippersAndArms,
+    /// how often rigs of a few near cameras let the built-in arm catch, and how soon a pushed camera is
+    /// noticed
+    Cameras,
+    /// errors of near cameras that are calibrated on the arm, and of poses and predictions
+    CalibrationAndPerception,
+    /// what a wrong belief of the brain costs, one at a time, on the same throws
+    Mistold,
+    /// how many positions lie in the ellipsoids that predictions claim
+    Reliability,
+    /// recorded throws, which --tracks names: predictions of their ends, and what is caught of them
+    Flights,
+    /// Table I by the paper's own method, what each of its assumptions was worth, and the method under the
+    /// arm's limits
+    AsPublished,
+    /// other libraries at the same work, which benches/peers/run installs
+    Peers,
+}
+
+impl Experiment {
+    /// Its name, and its description.
+    fn said(self) -> (String, String) {
+        let value = self.to_possible_value().expect("no experiment is hidden");
+        (value.get_name().to_owned(), value.get_help().map(ToString::to_string).unwrap_or_default())
+    }
+
+    /// Trials per condition unless told otherwise, and what measures.
+    fn plan(self) -> (u64, fn(&Options) -> Result<Findings>) {
+        match self {
+            Self::CatchRates => (600, catch_rates::run),
+            Self::Objects => (100, objects::run),
+            Self::GrippersAndArms => (100, grippers_and_arms::run),
+            Self::Cameras => (200, cameras::run),
+            Self::CalibrationAndPerception => (20, calibration::run),
+            Self::Mistold => (100, mistold::run),
+            Self::Reliability => (60, reliability::run),
+            Self::Flights => (60, flights::run),
+            Self::AsPublished => (57, as_published::run),
+            Self::Peers => (50, peers::run),
+        }
+    }
+}
 
 #[derive(Debug, Parser)]
 #[command(about = "Measures and writes docs/results/NAME.md and NAME.json; `list` lists the experiments")]
@@ -151,18 +129,20 @@ struct Arguments {
 fn main() -> Result<()> {
     let Arguments { name, seed, trials, tracks, out } = Arguments::parse();
     if name == "list" {
-        for Experiment { name, about, trials, .. } in EXPERIMENTS {
+        for experiment in Experiment::value_variants() {
+            let ((name, about), (trials, _)) = (experiment.said(), experiment.plan());
             println!("{name:15} {about} ({trials} trials per condition)");
         }
         return Ok(());
     }
-    let Some(experiment) = EXPERIMENTS.iter().find(|it| it.name == name) else {
-        let names: BTreeSet<&str> = EXPERIMENTS.iter().map(|it| it.name).collect();
+    let Ok(experiment) = Experiment::from_str(&name, false) else {
+        let names: BTreeSet<String> = Experiment::value_variants().iter().map(|it| it.said().0).collect();
         bail!("there is no experiment `{name}`; expected `list` or one of {names:?}");
     };
-    let options = Options { seed, trials: trials.unwrap_or(experiment.trials), tracks };
-    let findings = (experiment.run)(&options).with_context(|| format!("experiment {name}"))?;
-    let path = results::write(&out, experiment.name, experiment.about, &options, &findings)?;
+    let ((_, about), (usual, run)) = (experiment.said(), experiment.plan());
+    let options = Options { seed, trials: trials.unwrap_or(usual), tracks };
+    let findings = run(&options).with_context(|| format!("experiment {name}"))?;
+    let path = results::write(&out, &name, &about, &options, &findings)?;
     println!("{}", path.display());
     Ok(())
 }

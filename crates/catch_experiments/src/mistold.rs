@@ -67,20 +67,14 @@ pub fn run(options: &Options) -> Result<Findings> {
 fn table(scenario: &str, options: &Options) -> Result<Table> {
     let columns = ["belief", "value", "object", "pairs", "right, %", "difference, points"];
     let mut table = Table::new(&format!("What a wrong belief costs in `{scenario}`"), &columns).across("object");
-    let mut right = Vec::new();
-    for object in Kind::Object.names() {
-        right.push(Case { scenario, object, belief: "right", value: "" }.caught(
-            options.seed,
-            options.trials,
-            &|_| {},
-        )?);
-    }
+    let right = |object| Case { scenario, object, belief: "right", value: "" }.caught(options, &|_| {});
+    let right = Kind::Object.names().into_iter().map(right).collect::<Result<Vec<_>>>()?;
     for (belief, values, change) in BELIEFS {
         for (value, amount) in *values {
             let mut together = [0; 4];
             for (object, right) in Kind::Object.names().into_iter().zip(&right) {
                 let case = Case { scenario, object, belief, value };
-                let wrong = case.caught(options.seed, options.trials, &|setup| change(setup, *amount))?;
+                let wrong = case.caught(options, &|setup| change(setup, *amount))?;
                 let counts = counts(right, &wrong);
                 together.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
                 table.rows.push(case.row(object, counts));
@@ -101,7 +95,8 @@ struct Case<'a> {
 
 impl Case<'_> {
     /// Returns which throws are caught, of those kept by an earlier run or thrown now.
-    fn caught(&self, seed: u64, trials: u64, change: &dyn Fn(&mut Setup)) -> Result<Vec<bool>> {
+    fn caught(&self, options: &Options, change: &dyn Fn(&mut Setup)) -> Result<Vec<bool>> {
+        let &Options { seed, trials, .. } = options;
         let mut setup =
             Setup::load(&Choice { scenario: Some(self.scenario), object: Some(self.object), ..Choice::default() })?;
         change(&mut setup);

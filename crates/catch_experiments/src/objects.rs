@@ -95,27 +95,26 @@ pub fn run(options: &Options) -> Result<Findings> {
             let path = written(&folder.join(object), &folder.join("imported"))?;
             let setting = Choice { scenario: Some("honest"), object: path.to_str(), ..Choice::default() };
             let setup = Setup::load(&setting)?;
-            let mut outcome = Outcome::default();
-            Outcome::each(&setup, options).into_iter().for_each(|it| outcome.merge(it));
+            let each = Outcome::each(&setup, options);
             let name = vec![Entry::text(&setup.object.name)];
-            thrown.rows.push([name.clone(), model(&setup), outcome.entries()].concat());
+            thrown.rows.push([name.clone(), model(&setup), Outcome::entries(&each)].concat());
             let load = |throw| {
                 let (scenario, throw) = (Some("paper"), Some(throw));
                 Setup::load(&Choice { scenario, throw, object: path.to_str(), ..Choice::default() })
             };
             let setups = ["near_sampled", "far_sampled"].map(load).into_iter().collect::<Result<Vec<_>, _>>()?;
             sampled.rows.push([name, rates::figures(setups, options)?].concat());
-            outcomes.insert(setup.object.name, outcome);
+            outcomes.insert(setup.object.name, each);
         }
         let (all, every) = ("all".to_owned(), outcomes.keys().cloned().collect());
         for (name, objects) in std::iter::once((&all, &every)).chain(&set.groups) {
-            let mut together = Outcome::default();
+            let mut together = Vec::new();
             for object in objects {
-                let outcome = outcomes.get(object).with_context(|| format!("objects.toml: {object} is in no set"))?;
-                together.merge(outcome.clone());
+                let each = outcomes.get(object).with_context(|| format!("objects.toml: {object} is in no set"))?;
+                together.extend(each.iter().cloned());
             }
             let none = vec![Entry::text(""); 4];
-            thrown.rows.push([vec![Entry::text(name)], none, together.entries()].concat());
+            thrown.rows.push([vec![Entry::text(name)], none, Outcome::entries(&together)].concat());
         }
         tables.push(thrown);
     }
@@ -135,8 +134,8 @@ fn beside(pairs: &[Pair], folder: &Path, options: &Options) -> Result<Table> {
         for object in [path.to_str(), Some(pair.built_in.as_str())] {
             let setup = Setup::load(&Choice { scenario: Some("honest"), object, ..Choice::default() })?;
             let each = Outcome::each(&setup, options);
-            broken_here += each.iter().map(|it| it.breaks_limits).sum::<usize>();
-            of_pair.push(each.iter().map(|it| it.caught).collect::<Vec<_>>());
+            broken_here += each.iter().filter(|it| it.breaks_limits).count();
+            of_pair.push(each.iter().map(|it| usize::from(it.caught)).collect::<Vec<_>>());
         }
         let caught: Vec<[usize; 2]> = of_pair[0].iter().zip(&of_pair[1]).map(|(mesh, own)| [*mesh, *own]).collect();
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -216,15 +215,14 @@ fn model(setup: &Setup) -> Vec<Entry> {
     ]
 }
 
-/// Results of throws.
-#[derive(Debug, Clone, Default)]
+/// Result of a throw.
+#[derive(Debug, Clone)]
 struct Outcome {
-    throws: usize,
-    caught: usize,
-    /// Throws in which the spin was wrong, and all in which it was predicted.
-    wrong_spin: [usize; 2],
-    breaks_limits: usize,
-    reasons: Vec<Reason>,
+    caught: bool,
+    /// Error of the spin, where it was predicted.
+    spin_radps: Option<f64>,
+    breaks_limits: bool,
+    reason: Option<Reason>,
 }
 
 impl Outcome {
@@ -237,31 +235,22 @@ impl Outcome {
     fn of(setup: &Setup, seed: u64, index: u64) -> Self {
         let trial = trial::run_unobserved(&mut setup.brain(seed, index), setup, seed, index);
         let verdict = referee::judge(setup, &trial);
-        let spin = spin_error_radps(setup, &trial, &verdict);
         Self {
-            throws: 1,
-            caught: usize::from(verdict.caught),
-            wrong_spin: [usize::from(spin.is_some_and(|it| it > WRONG_RADPS)), usize::from(spin.is_some())],
-            breaks_limits: usize::from(verdict.limit_violations > 0),
-            reasons: verdict.reason.into_iter().collect(),
+            caught: verdict.caught,
+            spin_radps: spin_error_radps(setup, &trial, &verdict),
+            breaks_limits: verdict.limit_violations > 0,
+            reason: verdict.reason,
         }
     }
 
-    fn merge(&mut self, other: Self) {
-        self.throws += other.throws;
-        self.caught += other.caught;
-        self.breaks_limits += other.breaks_limits;
-        self.wrong_spin = [0, 1].map(|i| self.wrong_spin[i] + other.wrong_spin[i]);
-        self.reasons.extend(other.reasons);
-    }
-
-    fn entries(&self) -> Vec<Entry> {
+    fn entries(all: &[Self]) -> Vec<Entry> {
+        let spins: Vec<f64> = all.iter().filter_map(|it| it.spin_radps).collect();
         vec![
-            Entry::Count(self.throws),
-            rate(self.caught, self.throws),
-            percent(self.wrong_spin[0], self.wrong_spin[1]),
-            Entry::Count(self.breaks_limits),
-            misses(self.reasons.iter().copied()),
+            Entry::Count(all.len()),
+            rate(all.iter().filter(|it| it.caught).count(), all.len()),
+            percent(spins.iter().filter(|it| **it > WRONG_RADPS).count(), spins.len()),
+            Entry::Count(all.iter().filter(|it| it.breaks_limits).count()),
+            misses(all.iter().filter_map(|it| it.reason)),
         ]
     }
 }

@@ -131,8 +131,7 @@ fn values(robot: &Robot, q: &JointVector) -> Vec<f64> {
 
 /// Rows of a pose's matrix.
 fn rows(pose: &Pose) -> [[f64; 4]; 4] {
-    let matrix = pose.to_homogeneous();
-    std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)]))
+    pose.to_homogeneous().transpose().into()
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //! poses and predictions are compared with the truth.
 
 use anyhow::Result;
-use catch_bot::CatchingBot;
+use catch_bot::{CatchingBot, Report};
 use catch_cell::{Brain, Cell, Command, Observation, PixelWindow};
 use catch_lab::{
     assets::Kind,
@@ -127,24 +127,37 @@ fn untouched_at(truth: &Truth, time_s: f64) -> Option<&TruthSample> {
     truth.samples[..=at].iter().all(|sample| !sample.contact.any()).then(|| &truth.samples[at])
 }
 
-impl Errors {
-    fn add(&mut self, setup: &Setup, seed: u64, index: u64) {
+/// A throw of which the brain saw the first images.
+struct Throw {
+    truth: Truth,
+    /// Time of each tick, and what the brain knew then.
+    reports: Vec<(f64, Report)>,
+}
+
+impl Throw {
+    fn seen(setup: &Setup, seed: u64, index: u64) -> Self {
         let mut reports = Vec::new();
         let truth = look(setup, seed, index, &mut |brain, observation| {
             let command = brain.tick(observation, &mut ());
             reports.push((observation.time_s, brain.report().clone()));
             command
         });
+        Self { truth, reports }
+    }
+}
+
+impl Errors {
+    fn add(&mut self, setup: &Setup, Throw { truth, reports }: &Throw) {
         let symmetry = setup.known().reference.symmetry;
         self.throws += 1;
         let mut is_first = true;
-        for (_, report) in &reports {
+        for (_, report) in reports {
             self.missing[1] += 1;
             let Some(pose) = &report.pose else {
                 self.missing[0] += 1;
                 continue;
             };
-            let Some(sample) = untouched_at(&truth, pose.capture_s) else { continue };
+            let Some(sample) = untouched_at(truth, pose.capture_s) else { continue };
             let off_m = (pose.X_WO.translation.vector - sample.X_WO.translation.vector).norm();
             let off_rad = symmetry.turn_between(&pose.X_WO.rotation, &sample.X_WO.rotation).norm();
             if std::mem::take(&mut is_first) {
@@ -153,7 +166,7 @@ impl Errors {
             self.pose_m.push(off_m);
             self.pose_rad.push(off_rad);
         }
-        let Some(then) = untouched_at(&truth, PREDICTED_FOR_S) else { return };
+        let Some(then) = untouched_at(truth, PREDICTED_FOR_S) else { return };
         for (at, seen_s) in [EARLY_S, SEEN_S].into_iter().enumerate() {
             let last = reports.iter().rfind(|(time_s, _)| *time_s < seen_s - 0.005);
             let Some(flight) = last.and_then(|(_, report)| report.flight.as_ref()) else { continue };
@@ -169,19 +182,19 @@ impl Errors {
         }
     }
 
-    fn entries(&self) -> Vec<Entry> {
+    fn entries(&self) -> [(&'static str, Entry); 10] {
         let [early_m, late_m] = &self.predicted_m;
-        vec![
-            Entry::Count(self.throws),
-            percent(self.right_at_first, self.throws),
-            percent(self.missing[0], self.missing[1]),
-            median(&self.pose_m, 1e3),
-            median(&self.pose_rad, 180.0 / std::f64::consts::PI),
-            median(early_m, 1e3),
-            median(late_m, 1e3),
-            median(&self.predicted_rad, 180.0 / std::f64::consts::PI),
-            percent(self.covered, late_m.len()),
-            Entry::Count(self.throws - late_m.len()),
+        [
+            ("throws", Entry::Count(self.throws)),
+            ("first pose right, %", percent(self.right_at_first, self.throws)),
+            ("images without pose, %", percent(self.missing[0], self.missing[1])),
+            ("pose, mm", median(&self.pose_m, 1e3)),
+            ("pose, °", median(&self.pose_rad, 180.0 / std::f64::consts::PI)),
+            ("position from 100 ms, mm", median(early_m, 1e3)),
+            ("position from 200 ms, mm", median(late_m, 1e3)),
+            ("orientation from 200 ms, °", median(&self.predicted_rad, 180.0 / std::f64::consts::PI)),
+            ("within 95 %, %", percent(self.covered, late_m.len())),
+            ("without", Entry::Count(self.throws - late_m.len())),
         ]
     }
 }
@@ -191,54 +204,22 @@ medians, of poses over all images, of predictions over all throws. A first pose 
 release, from the first 100 ms and from all 200 ms. *Within 95 %*: predicted positions in their 95 % ellipsoid. *Without*: throws without a prediction, or \
 touched by then.";
 
-const COLUMNS: [&str; 10] = [
-    "throws",
-    "first pose right, %",
-    "images without pose, %",
-    "pose, mm",
-    "pose, °",
-    "position from 100 ms, mm",
-    "position from 200 ms, mm",
-    "orientation from 200 ms, °",
-    "within 95 %, %",
-    "without",
-];
-
-impl Errors {
-    fn merge(&mut self, other: Self) {
-        self.throws += other.throws;
-        self.right_at_first += other.right_at_first;
-        self.covered += other.covered;
-        self.pose_m.extend(other.pose_m);
-        self.pose_rad.extend(other.pose_rad);
-        self.predicted_rad.extend(other.predicted_rad);
-        for at in 0..2 {
-            self.missing[at] += other.missing[at];
-        }
-        for (mine, others) in self.predicted_m.iter_mut().zip(other.predicted_m) {
-            mine.extend(others);
-        }
-    }
-}
-
 /// Table by depth noise, with labels and without.
-pub fn tables(options: &Options) -> Result<Vec<Table>> {
-    let mut table =
-        Table::new("Poses and predictions by noise", &[&["noise", "labels", "object"][..], &COLUMNS].concat());
+pub fn table(options: &Options) -> Result<Table> {
+    let mut table = Table::new("Poses and predictions by noise", &[]);
     for condition in noises_and_labels() {
         for object in Kind::Object.names() {
             let setups = condition.setups(object)?;
             setups.iter().for_each(Setup::prepare);
-            let each = parallel::map(options.trials as usize, |index| {
-                let mut errors = Errors::default();
-                errors.add(&setups[index % setups.len()], options.seed, index as u64);
-                errors
-            });
+            let setup = |index: usize| &setups[index % setups.len()];
+            let throws =
+                parallel::map(options.trials as usize, |index| Throw::seen(setup(index), options.seed, index as u64));
             let mut all = Errors::default();
-            each.into_iter().for_each(|errors| all.merge(errors));
-            let labels = condition.labels.iter().copied().chain([object]).map(Entry::text);
-            table.rows.push(labels.chain(all.entries()).collect());
+            throws.iter().enumerate().for_each(|(index, throw)| all.add(setup(index), throw));
+            let [noise, labels] = condition.labels;
+            let labels = [("noise", noise), ("labels", labels), ("object", object)];
+            table.add(labels.map(|(column, it)| (column, Entry::text(it))).into_iter().chain(all.entries()));
         }
     }
-    Ok(vec![table])
+    Ok(table)
 }

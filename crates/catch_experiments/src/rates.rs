@@ -25,8 +25,8 @@ pub const MISSES: &str =
 /// The same where another page defines them.
 pub const DEFINED: &str = " [Catch rates](catch-rates.md) defines *caught*, *within reach* and *limits broken*.";
 
-/// The trials of a condition, the same number of each of its throws.
-fn rows(setups: Vec<Setup>, options: &Options) -> Result<Vec<Row>> {
+/// Summarizes the trials of a condition, one entry for each of [`FIGURES`].
+pub fn figures(setups: Vec<Setup>, options: &Options) -> Result<Vec<Entry>> {
     setups.iter().for_each(Setup::prepare);
     let trials = options.trials.div_ceil(setups.len() as u64);
     let cells = setups.into_iter().map(Cell::new).collect();
@@ -36,12 +36,6 @@ fn rows(setups: Vec<Setup>, options: &Options) -> Result<Vec<Row>> {
         rows.push(row);
         Ok(())
     })?;
-    Ok(rows)
-}
-
-/// Summarizes the trials of a condition, one entry for each of [`FIGURES`].
-pub fn figures(setups: Vec<Setup>, options: &Options) -> Result<Vec<Entry>> {
-    let rows = rows(setups, options)?;
     let within: Vec<&Row> = rows.iter().filter(|row| !row.verdict.is_out_of_reach()).collect();
     let caught = within.iter().filter(|row| row.verdict.caught).count();
     Ok(vec![

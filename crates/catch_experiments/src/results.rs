@@ -52,6 +52,13 @@ impl Table {
         Self { title: title.to_owned(), columns, rows: Vec::new(), across: None }
     }
 
+    /// Adds a row whose entries stand behind the names of their columns.
+    pub fn add<'a>(&mut self, row: impl IntoIterator<Item = (&'a str, Entry)>) {
+        let (columns, entries): (Vec<&str>, Vec<Entry>) = row.into_iter().unzip();
+        self.columns = columns.into_iter().map(str::to_owned).collect();
+        self.rows.push(entries);
+    }
+
     /// The same with a column of the page for each word of this one, whose rows are neighbours.
     pub fn across(self, column: &str) -> Self {
         Self { across: Some(column.to_owned()), ..self }
@@ -148,29 +155,23 @@ impl Entry {
     }
 }
 
-/// Provenance of the results: command, version, machine and seed.
-#[derive(Debug, Serialize)]
-struct Provenance {
-    command: String,
-    version: &'static str,
-    commit: String,
-    machine: Machine,
-    seed: u64,
-    trials: u64,
-}
-
 #[derive(Debug, Serialize)]
 struct Machine {
     cpu: String,
     cores: usize,
 }
 
+/// The results with their provenance: command, version, machine and seed.
 #[derive(Debug, Serialize)]
 struct Document<'a> {
     experiment: &'a str,
     about: &'a str,
-    #[serde(flatten)]
-    provenance: &'a Provenance,
+    command: String,
+    version: &'static str,
+    commit: String,
+    machine: Machine,
+    seed: u64,
+    trials: u64,
     tables: &'a [Table],
 }
 
@@ -187,15 +188,19 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
     for folder in options.tracks.iter().filter_map(|it| it.file_name()) {
         let _ = write!(command, " --tracks {}", folder.display());
     }
-    let provenance = Provenance {
+    let document = Document {
+        experiment: name,
+        about,
         command,
         version: VERSION,
-        commit: commit(),
+        // The commit that is checked out, marked where sources differ from it.
+        commit: marked(&["rev-parse", "--short", "HEAD"], &["crates", "assets"]),
         machine: Machine { cpu: cpu(), cores: thread::available_parallelism().map_or(1, usize::from) },
         seed: options.seed,
         trials: options.trials,
+        tables: &findings.tables,
     };
-    let Provenance { command, commit, machine, .. } = &provenance;
+    let Document { command, commit, machine, .. } = &document;
     let mut page = format!("# Results: {name}\n\nThis page is written by a command; changes by hand get lost.\n\n");
     let _ = write!(
         page,
@@ -206,7 +211,6 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
         let _ = write!(page, "\n{}", table.markdown());
     }
     fs::create_dir_all(folder).with_context(|| format!("{}", folder.display()))?;
-    let document = Document { experiment: name, about, provenance: &provenance, tables: &findings.tables };
     let path = folder.join(format!("{name}.md"));
     for (path, text) in
         [(&path, page), (&folder.join(format!("{name}.json")), serde_json::to_string_pretty(&document)? + "\n")]
@@ -216,17 +220,13 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
     Ok(path)
 }
 
-/// The commit that is checked out, marked where sources differ from it; `unknown` outside of a repository.
-fn commit() -> String {
-    marked(&["rev-parse", "--short", "HEAD"], &["crates", "assets"])
-}
-
 /// The last commit that changed anything at these paths from the root of the repository, marked likewise.
 pub fn last_change(paths: &[&str]) -> String {
     marked(&[&["log", "-1", "--format=%h", "--"], paths].concat(), paths)
 }
 
-/// The commit that git tells, marked if something at these paths is not committed.
+/// The commit that git tells, marked if something at these paths is not committed; `unknown` outside of a
+/// repository.
 fn marked(tells_commit: &[&str], paths: &[&str]) -> String {
     let git = |arguments: &[&str]| {
         let output = Command::new("git").args(arguments).output().ok().filter(|output| output.status.success());

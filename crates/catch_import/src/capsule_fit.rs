@@ -52,16 +52,13 @@ pub fn enclosing_capsules(surface: &TriangleMesh) -> Vec<Capsule> {
 pub fn enclosing_capsule(points: &[Point3<f64>]) -> Option<Capsule> {
     let outermost = few(points, DIRECTIONS);
     let centre = centroid(&outermost)?;
-    let mut best = starts(&outermost, &centre)
-        .into_iter()
-        .map(|axis| along(&outermost, axis))
-        .min_by(|one, other| volume(&one.1).total_cmp(&volume(&other.1)))?;
+    let mut best = smallest(starts(&outermost, &centre).map(|axis| along(&outermost, axis)))?;
     let mut step = 0.2;
     while step > 0.01 {
         let (u, v) = perpendicular(&best.0);
         let tries =
             [u, -u, v, -v].map(|aside| along(&outermost, Unit::new_normalize(best.0.into_inner() + aside * step)));
-        let nearest = tries.into_iter().min_by(|one, other| volume(&one.1).total_cmp(&volume(&other.1)))?;
+        let nearest = smallest(tries)?;
         if volume(&nearest.1) < volume(&best.1) * (1.0 - 1e-4) { best = nearest } else { step /= 2.0 }
     }
     let mut capsule = best.1;
@@ -111,12 +108,16 @@ impl Part {
     }
 }
 
+/// The capsule of least volume, with its axis.
+fn smallest<const N: usize>(all: [(Unit<Vector3<f64>>, Capsule); N]) -> Option<(Unit<Vector3<f64>>, Capsule)> {
+    all.into_iter().min_by(|one, other| volume(&one.1).total_cmp(&volume(&other.1)))
+}
+
 /// A capsule along the best of the first directions; its volume tells which of two partitions is the better
 /// one.
 fn rough(points: &[Point3<f64>]) -> Option<Capsule> {
     let some = few(points, FEW_DIRECTIONS);
-    let capsules = starts(&some, &centroid(&some)?).into_iter().map(|axis| along(&some, axis).1);
-    capsules.min_by(|one, other| volume(one).total_cmp(&volume(other)))
+    smallest(starts(&some, &centroid(&some)?).map(|axis| along(&some, axis))).map(|(_, capsule)| capsule)
 }
 
 fn starts(points: &[Point3<f64>], centre: &Point3<f64>) -> [Unit<Vector3<f64>>; 6] {
@@ -191,8 +192,7 @@ fn along(points: &[Point3<f64>], axis: Unit<Vector3<f64>>) -> (Unit<Vector3<f64>
         Capsule { from: at(from), to: at(to), radius }
     };
     let capsules = [1.0, 1.05, 1.1, 1.2, 1.3].map(|factor| with_radius((least * factor).max(1e-3)));
-    let best = capsules.into_iter().min_by(|one, other| volume(one).total_cmp(&volume(other)));
-    (axis, best.unwrap_or_else(|| with_radius(least.max(1e-3))))
+    smallest(capsules.map(|it| (axis, it))).unwrap_or_else(|| (axis, with_radius(least.max(1e-3))))
 }
 
 /// A small circle around points: centre and radius. Steps towards the farthest point, ever shorter, approach

@@ -117,16 +117,12 @@ impl CloudFile {
     /// Drops the normals if none of them has a direction, else the points of those that have none.
     fn with_directions(mut self) -> Self {
         let Some(normals) = self.normals.take() else { return self };
-        let has_one: Vec<bool> = normals.iter().map(|it| *it != Vector3::zeros()).collect();
-        if !has_one.contains(&true) {
+        if normals.iter().all(|it| *it == Vector3::zeros()) {
             return self;
         }
-        let kept = |i: &usize| has_one[*i];
-        let (points, all) = (&self.points, 0..normals.len());
-        Self {
-            points: all.clone().filter(kept).map(|i| points[i]).collect(),
-            normals: Some(all.filter(kept).map(|i| normals[i]).collect()),
-        }
+        let pairs = self.points.into_iter().zip(normals).filter(|(_, normal)| *normal != Vector3::zeros());
+        let (points, normals) = pairs.unzip();
+        Self { points, normals: Some(normals) }
     }
 }
 

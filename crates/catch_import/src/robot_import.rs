@@ -29,11 +29,10 @@ use nalgebra::{Point3, Translation3};
 
 use super::{mesh_files::MeshFiles, model_of_mujoco};
 use catch_recording::{bounded_file::FileKind, whole_file::COMMAND_LINE};
-use draft::{DENSITY_KGPM3, Draft, GivenValues, JointValues, assumed_inertia, is_joint, limits_of, rounded};
-use geometry::BodyShape;
+use draft::{DENSITY_KGPM3, GivenValues, assumed_inertia, is_joint, limits_of, rounded};
+pub use draft::{Draft, JointValues};
+pub use geometry::BodyShape;
 use joint_limits::JointLimitFields;
-
-pub use geometry::BodyShape as ImportedShape;
 
 /// Around links whose shape is unknown, in metres.
 const UNKNOWN_RADIUS_M: f64 = 0.06;
@@ -67,7 +66,8 @@ pub struct ImportOptions {
 pub struct ImportedRobot {
     /// The arm as its files describe it.
     pub robot: Robot,
-    draft: Draft,
+    /// Contents of its files.
+    pub draft: Draft,
     /// Poses from which a search for the best waiting pose can begin, the best first.
     pub starts: Vec<JointVector>,
 }
@@ -146,36 +146,16 @@ impl ImportedRobot {
         Ok(())
     }
 
-    /// The content of `robot.urdf`.
-    pub fn urdf(&self) -> String {
-        self.draft.urdf()
-    }
-
-    /// The content of `robot.toml`.
-    pub fn toml(&self) -> String {
-        self.draft.toml()
-    }
-
     /// The meshes that `robot.toml` names, with these names.
     pub fn meshes(&self) -> Vec<(String, String)> {
         self.draft.visuals().map(|(_, name, (mesh, _))| (name, obj_text(std::slice::from_ref(mesh)))).collect()
     }
 
-    /// The arm within the description.
-    pub fn chain(&self) -> &Chain {
-        &self.draft.chain
-    }
-
-    /// Shapes of the base and of each moved link, with the capsules around them.
-    pub fn shapes(&self) -> &[ImportedShape] {
-        &self.draft.shapes
-    }
-
     /// Returns whether the shapes of all links were read and each of their triangles is inside a capsule, and
     /// a sentence that says so.
     pub fn coverage(&self) -> (bool, String) {
-        let all = self.shapes().len();
-        let read: Vec<&BodyShape> = self.shapes().iter().filter(|it| !it.surface.triangles.is_empty()).collect();
+        let all = self.draft.shapes.len();
+        let read: Vec<&BodyShape> = self.draft.shapes.iter().filter(|it| !it.surface.triangles.is_empty()).collect();
         match read.len() {
             0 => (false, "no shape was read, so all capsules are assumed".to_owned()),
             _ if !read.iter().all(|it| it.is_inside()) => (false, "some shape is outside of its capsules".to_owned()),
@@ -188,7 +168,7 @@ impl ImportedRobot {
 
     /// All values that nobody published.
     pub fn assumptions(&self) -> Vec<Assumption> {
-        assumptions("robot.toml", &self.toml())
+        assumptions("robot.toml", &self.draft.toml())
     }
 }
 

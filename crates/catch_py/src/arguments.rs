@@ -211,14 +211,18 @@ pub fn joints(argument: &str, value: &Bound<'_, PyAny>, dof: usize) -> PyResult<
     Numbers::read(argument, value, &[dof]).map(|it| joint_vector(&it.values))
 }
 
+/// The entries of a dict whose keys are names.
+fn entries<'py>(argument: &str, dict: &Bound<'py, PyDict>) -> PyResult<Vec<(String, Bound<'py, PyAny>)>> {
+    let fault = |key: &Bound<'_, PyAny>| type_fault(argument, key, "names of fields");
+    dict.iter().map(|(key, value)| Ok((key.cast::<PyString>().map_err(|_| fault(&key))?.to_string(), value))).collect()
+}
+
 /// Settings as the command line takes them: `FIELD=VALUE`.
 pub fn settings(settings: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<String>> {
     let Some(settings) = settings else { return Ok(Vec::new()) };
     let expected = "a dict of fields of the scenario, such as {'arena.drag': False}";
     let settings = settings.cast::<PyDict>().map_err(|_| type_fault("settings", settings, expected))?;
-    let setting = |(field, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
-        let field =
-            field.cast::<PyString>().map_err(|_| type_fault("settings", &field, "names of fields"))?.to_string();
+    let setting = |(field, value): (String, Bound<'_, PyAny>)| {
         if field.contains('=') {
             return Err(fault("settings", format!("the field `{field}`"), "a field's name"));
         }
@@ -234,21 +238,20 @@ pub fn settings(settings: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<String>> {
         };
         Ok(format!("{field}={text}"))
     };
-    settings.iter().map(setting).collect()
+    entries("settings", settings)?.into_iter().map(setting).collect()
 }
 
 /// Fields by their names, with dots where they lie in tables, as TOML.
 pub fn toml_text(argument: &str, fields: Option<&Bound<'_, PyAny>>) -> PyResult<String> {
     let Some(fields) = fields else { return Ok(String::new()) };
     let fields = fields.cast::<PyDict>().map_err(|_| type_fault(argument, fields, "a dict of fields"))?;
-    let line = |(field, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
-        let field = field.cast::<PyString>().map_err(|_| type_fault(argument, &field, "names of fields"))?.to_string();
+    let line = |(field, value): (String, Bound<'_, PyAny>)| {
         if !field.chars().all(|it| it.is_ascii_alphanumeric() || ['_', '.'].contains(&it)) {
             return Err(fault(argument, format!("the field `{field}`"), "a field's name"));
         }
         Ok(format!("{field} = {}\n", toml_value(&format!("{argument}: {field}"), &value, 0)?))
     };
-    fields.iter().map(line).collect()
+    entries(argument, fields)?.into_iter().map(line).collect()
 }
 
 /// Tables in tables, at most.
@@ -274,11 +277,12 @@ fn toml_value(argument: &str, value: &Bound<'_, PyAny>, depth: usize) -> PyResul
         return Ok(number.into());
     }
     if let Ok(table) = value.cast::<PyDict>() {
-        let entry = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
-            let key = key.cast::<PyString>().map_err(|_| type_fault(argument, &key, "names of fields"))?.to_string();
-            Ok((key, toml_value(argument, &value, depth + 1)?))
-        };
-        return table.iter().map(entry).collect::<PyResult<toml::Table>>().map(toml::Value::Table);
+        let entry = |(key, value)| Ok((key, toml_value(argument, &value, depth + 1)?));
+        return entries(argument, table)?
+            .into_iter()
+            .map(entry)
+            .collect::<PyResult<toml::Table>>()
+            .map(toml::Value::Table);
     }
     let items = value.try_iter().map_err(|_| type_fault(argument, value, expected))?;
     items.map(|item| toml_value(argument, &item?, depth + 1)).collect::<PyResult<Vec<_>>>().map(toml::Value::Array)

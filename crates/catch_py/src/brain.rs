@@ -136,11 +136,11 @@ impl Brain {
             cameras: cameras.clone(),
             reference_scan: object.scan,
         };
-        let (dof, cameras) = (arm.dof(), cameras);
+        let dof = arm.dof();
         let prepared = interruptible(py, move || {
             let map = reach_map::of(&arm);
-            let parts = (cell.brain.config(), cell.cameras.clone());
-            let known = Preparation::new(parts.0, (arm, map), hand, parts.1, &cell.reference_scan)?;
+            let (config, cameras) = (cell.brain.config(), cell.cameras.clone());
+            let known = Preparation::new(config, (arm, map), hand, cameras, &cell.reference_scan)?;
             Ok((cell.brain.brain(Arc::new(known), cell.brain.seed), cell))
         })?;
         let (brain, cell) = prepared.map_err(input_fault)?;

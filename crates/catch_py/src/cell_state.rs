@@ -93,10 +93,9 @@ impl ArmState {
         Ok(Self { sensed: SensedArm { time_s, q, dq, commanded, executing, rejected }, dof })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        let it = slf.get();
-        let arguments = (it.time_s(), it.q(py), it.dq(py), it.commanded(py)?, it.executing(), it.rejected());
-        Ok((slf.get_type().into_any(), arguments.into_pyobject(py)?))
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        (self.time_s(), self.q(py), self.dq(py), self.commanded(py)?, self.executing(), self.rejected())
+            .into_pyobject(py)
     }
 
     /// Time of the sample, on the cell's clock.
@@ -177,9 +176,8 @@ impl Rejection {
         Ok(Self { rejected: RejectedTrajectory { id, reason: serde_json::from_value(told).map_err(wrong)? } })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        let it = slf.get();
-        Ok((slf.get_type().into_any(), (it.id(), it.reason(), it.details(py)?).into_pyobject(py)?))
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        (self.id(), self.reason(), self.details(py)?).into_pyobject(py)
     }
 
     /// Identifier of the trajectory.
@@ -242,9 +240,9 @@ impl GripperState {
         Ok(Self { sensed })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        let SensedGripper { width_m, speed_mps, force_n, grasp } = slf.get().sensed;
-        Ok((slf.get_type().into_any(), (width_m, speed_mps, force_n, name_of(grasp)).into_pyobject(py)?))
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let SensedGripper { width_m, speed_mps, force_n, grasp } = self.sensed;
+        (width_m, speed_mps, force_n, name_of(grasp)).into_pyobject(py)
     }
 
     /// Distance between the fingers' inner faces in metres.

@@ -6,11 +6,10 @@ use catch_body::MAX_JOINTS;
 use catch_cell::{ArmTrajectory, BSpline, Command as Sent, PixelWindow, TrajectoryId};
 use catch_lab::trial::StateSnapshot;
 use numpy::{PyArray1, PyArray2};
-use pyo3::prelude::*;
+use pyo3::{prelude::*, types::PyTuple};
 
 use crate::{
     arguments::{MOST, Numbers, Whole, fault, instance, joint_vector, list, number},
-    cell_state::Made,
     observation::{Window, window_of},
 };
 
@@ -61,9 +60,8 @@ impl Trajectory {
         Ok(Self { id, spline, dof })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        let it = slf.get();
-        Ok((slf.get_type().into_any(), (it.id, it.knots_s(py), it.control_points(py)?).into_pyobject(py)?))
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        (self.id, self.knots_s(py), self.control_points(py)?).into_pyobject(py)
     }
 
     /// Identifier, higher than those of all trajectories that were sent before.
@@ -86,21 +84,33 @@ impl Trajectory {
 }
 
 /// One move of the fingers.
-#[pyclass(frozen, module = "catchingbot")]
+#[pyclass(frozen, get_all, module = "catchingbot")]
+#[derive(Clone, Copy)]
 pub struct GripperMove {
-    sent: catch_cell::GripperMove,
+    /// Start of the move, on the cell's clock.
+    start_s: f64,
+    /// Width at the end of the move: the distance between the fingers' inner faces in metres.
+    width_m: f64,
+    /// Highest speed of the fingers relative to each other, in m/s.
+    speed_mps: f64,
+    /// Highest force of each finger, in N.
+    force_n: f64,
 }
 
 impl From<catch_cell::GripperMove> for GripperMove {
     fn from(sent: catch_cell::GripperMove) -> Self {
-        Self { sent }
+        let catch_cell::GripperMove { start_s, width_m, speed_mps, force_n } = sent;
+        Self { start_s, width_m, speed_mps, force_n }
     }
 }
 
 impl GripperMove {
     /// Moves in a list.
     pub fn list(moves: &Bound<'_, PyAny>, argument: &str) -> PyResult<Vec<catch_cell::GripperMove>> {
-        list(argument, moves, "a list of GripperMove", |it: &Self| it.sent)
+        list(argument, moves, "a list of GripperMove", |it: &Self| {
+            let Self { start_s, width_m, speed_mps, force_n } = *it;
+            catch_cell::GripperMove { start_s, width_m, speed_mps, force_n }
+        })
     }
 }
 
@@ -117,42 +127,17 @@ impl GripperMove {
             let value = number(argument, value)?;
             if value > 0.0 { Ok(value) } else { Err(fault(argument, value, "a number above zero")) }
         };
-        let sent = catch_cell::GripperMove {
+        Ok(Self {
             start_s: number("start_s", start_s)?,
             width_m: number("width_m", width_m)?,
             speed_mps: above_zero("speed_mps", speed_mps)?,
             force_n: above_zero("force_n", force_n)?,
-        };
-        Ok(Self { sent })
+        })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        let catch_cell::GripperMove { start_s, width_m, speed_mps, force_n } = slf.get().sent;
-        Ok((slf.get_type().into_any(), (start_s, width_m, speed_mps, force_n).into_pyobject(py)?))
-    }
-
-    /// Start of the move, on the cell's clock.
-    #[getter]
-    fn start_s(&self) -> f64 {
-        self.sent.start_s
-    }
-
-    /// Width at the end of the move: the distance between the fingers' inner faces in metres.
-    #[getter]
-    fn width_m(&self) -> f64 {
-        self.sent.width_m
-    }
-
-    /// Highest speed of the fingers relative to each other, in m/s.
-    #[getter]
-    fn speed_mps(&self) -> f64 {
-        self.sent.speed_mps
-    }
-
-    /// Highest force of each finger, in N.
-    #[getter]
-    fn force_n(&self) -> f64 {
-        self.sent.force_n
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let Self { start_s, width_m, speed_mps, force_n } = *self;
+        (start_s, width_m, speed_mps, force_n).into_pyobject(py)
     }
 }
 
@@ -197,9 +182,8 @@ impl Command {
         Ok(Self { sent, snapshot: None, dof: trajectory.map_or(0, |it| it.dof) })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        let it = slf.get();
-        Ok((slf.get_type().into_any(), (it.trajectory(), it.gripper(), it.windows()).into_pyobject(py)?))
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        (self.trajectory(), self.gripper(), self.windows()).into_pyobject(py)
     }
 
     /// Replaces the executing trajectory from its start on; `None` changes nothing.
@@ -212,7 +196,7 @@ impl Command {
     /// Replaces all gripper moves that have not started; `None` changes nothing.
     #[getter]
     fn gripper(&self) -> Option<Vec<GripperMove>> {
-        self.sent.gripper.as_ref().map(|moves| moves.iter().map(|&sent| GripperMove { sent }).collect())
+        self.sent.gripper.as_ref().map(|moves| moves.iter().copied().map(GripperMove::from).collect())
     }
     /// The part of each camera's next images that the brain wants, as (left, top, width, height) in pixels;
     /// `None` means all that the cameras give by themselves.

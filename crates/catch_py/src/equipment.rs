@@ -33,38 +33,20 @@ pub fn asset(kind: Kind, name: &str, argument: &str) -> PyResult<Asset> {
 pub struct Robot {
     /// The arm, with its workcell; it waits at its `ready_q`.
     pub model: BodyRobot,
-    /// The texts it is made from.
-    texts: Texts,
-}
-
-struct Texts {
-    urdf: String,
-    toml: String,
-    meshes: Meshes,
-    workcell: Option<String>,
-    limit_scale: LimitScale,
+    /// The texts it is made from; those of a gripper are not its own.
+    sources: Sources,
 }
 
 impl Robot {
     /// Creates the robot of a setup.
     pub fn of_setup(model: &BodyRobot, sources: &Sources) -> Self {
-        let Sources { robot_urdf, robot_toml, robot_meshes: meshes, workcell_toml, limit_scale, .. } = sources.clone();
-        let texts = Texts { urdf: robot_urdf, toml: robot_toml, meshes, workcell: workcell_toml, limit_scale };
-        Self { model: model.clone(), texts }
+        Self { model: model.clone(), sources: sources.clone() }
     }
 
     /// Returns the texts of arm and gripper, as recordings keep them.
     pub fn sources(&self, gripper: &Gripper) -> Sources {
-        let Texts { urdf, toml, meshes, workcell, limit_scale } = &self.texts;
-        Sources {
-            robot_urdf: urdf.clone(),
-            robot_toml: toml.clone(),
-            robot_meshes: meshes.clone(),
-            gripper_toml: gripper.toml.clone(),
-            gripper_meshes: gripper.meshes.clone(),
-            workcell_toml: workcell.clone(),
-            limit_scale: *limit_scale,
-        }
+        let (gripper_toml, gripper_meshes) = (gripper.toml.clone(), gripper.meshes.clone());
+        Sources { gripper_toml, gripper_meshes, ..self.sources.clone() }
     }
 }
 
@@ -91,27 +73,34 @@ impl Robot {
             let values = Numbers::read("ready_q", ready_q, &[model.dof()])?.values;
             model.ready_q = model.checked_pose(COMMAND_LINE, "--ready_q", &values).map_err(input_fault)?;
         }
-        let workcell = around.map(|it| it.text);
-        let meshes = arm.meshes().map_err(input_fault)?;
-        Ok(Self { model, texts: Texts { urdf, toml: arm.text, meshes, workcell, limit_scale: LimitScale::default() } })
+        let sources = Sources {
+            robot_urdf: urdf,
+            robot_meshes: arm.meshes().map_err(input_fault)?,
+            robot_toml: arm.text,
+            gripper_toml: String::new(),
+            gripper_meshes: Meshes::new(),
+            workcell_toml: around.map(|it| it.text),
+            limit_scale: LimitScale::default(),
+        };
+        Ok(Self { model, sources })
     }
 
     /// Text of `robot.urdf`.
     #[getter]
     fn urdf(&self) -> &str {
-        &self.texts.urdf
+        &self.sources.robot_urdf
     }
 
     /// Text of `robot.toml`, which says what a URDF cannot.
     #[getter]
     fn toml(&self) -> &str {
-        &self.texts.toml
+        &self.sources.robot_toml
     }
 
     /// Text of the workcell's file, if there is one.
     #[getter]
     fn workcell(&self) -> Option<&str> {
-        self.texts.workcell.as_deref()
+        self.sources.workcell_toml.as_deref()
     }
 
     /// Number of its joints.
@@ -266,6 +255,6 @@ fn matrix_rows(matrix: &Matrix3<f64>) -> [[f64; 3]; 3] {
 }
 
 #[allow(non_snake_case)]
-fn rows_of(X: &Pose) -> [[f64; 4]; 4] {
+pub fn rows_of(X: &Pose) -> [[f64; 4]; 4] {
     X.to_homogeneous().transpose().into()
 }

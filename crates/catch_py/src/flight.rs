@@ -222,9 +222,8 @@ fn sightings(t: &Bound<'_, PyAny>, p: &Bound<'_, PyAny>, q: Option<&Bound<'_, Py
     if let Some(at) = (1..count).find(|&i| times[i] <= times[i - 1]) {
         return Err(fault("t", format!("{} at index {at}", times[at]), format!("a time after {}", times[at - 1])));
     }
-    const MOST_M: f64 = 1e4;
-    if let Some(far) = positions.iter().find(|it| it.coords.amax() > MOST_M) {
-        return Err(fault("p", far.coords.amax(), format!("at most {MOST_M}: lengths are in metres")));
+    if let Some(far) = positions.iter().find(|it| it.coords.amax() > MOST) {
+        return Err(fault("p", far.coords.amax(), format!("at most {MOST}: lengths are in metres")));
     }
     let rotation = |i: usize| -> PyResult<Option<UnitQuaternion<f64>>> {
         let Some(values) = &orientations else { return Ok(None) };

@@ -5,11 +5,11 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use catch_body::quantity;
 use catch_cell::{Observation as Sensed, PixelWindow};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
-use pyo3::{exceptions::PyTypeError, prelude::*};
+use pyo3::{exceptions::PyTypeError, prelude::*, types::PyTuple};
 
 use crate::{
     arguments::{Whole, fault, instance, locked},
-    cell_state::{ArmState, GripperState, Made, quantity},
+    cell_state::{ArmState, GripperState, quantity},
 };
 
 /// Observation of the cell at one instant.
@@ -73,10 +73,8 @@ impl Observation {
         Ok(Self::new(sensed, arm.dof))
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        let it = slf.get();
-        let arguments = (it.time_s(), it.arm(), it.gripper(), it.frames());
-        Ok((slf.get_type().into_any(), arguments.into_pyobject(py)?))
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        (self.time_s(), self.arm(), self.gripper(), self.frames()).into_pyobject(py)
     }
 
     /// The cell's clock in seconds.
@@ -219,10 +217,8 @@ impl DepthFrame {
         Ok(Self { image: Mutex::new(Image::Alone(Box::new(frame))) })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        let it = slf.get();
-        let arguments = (it.camera(), it.capture_s(), it.depth_m(py)?, it.window(), it.mask(py)?);
-        Ok((slf.get_type().into_any(), arguments.into_pyobject(py)?))
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        (self.camera(), self.capture_s(), self.depth_m(py)?, self.window(), self.mask(py)?).into_pyobject(py)
     }
 
     /// Index of the camera in the brain's list.

@@ -2,7 +2,6 @@
 
 use std::{path::PathBuf, sync::Arc};
 
-use catch_body::Pose;
 use catch_lab::{
     assets::Origin,
     recording::{GroundTruth, LabReader, Simulation},
@@ -10,12 +9,15 @@ use catch_lab::{
 };
 use catch_recording::Part;
 use numpy::{PyArray1, PyArrayMethods};
-use pyo3::{prelude::*, types::PyDict};
+use pyo3::{
+    prelude::*,
+    types::{PyDict, PyTuple},
+};
 
 use crate::{
     arguments::{Named, fault, input_fault, name_of},
-    cell_state::Made,
     command::Command,
+    equipment::rows_of,
     setup::Setup,
 };
 
@@ -51,8 +53,8 @@ impl Recording {
         }
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        Ok((slf.get_type().into_any(), (slf.get().file.display().to_string(),).into_pyobject(py)?))
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        (self.file.display().to_string(),).into_pyobject(py)
     }
 
     /// The setup of the throw.
@@ -92,10 +94,15 @@ impl Recording {
         dict.set_item("time_s", rows(samples.iter().map(|it| it.time_s).collect()))?;
         dict.set_item("width_m", rows(samples.iter().map(|it| it.width_m).collect()))?;
         dict.set_item("commanded_width_m", rows(samples.iter().map(|it| it.commanded_width_m).collect()))?;
-        let matrix = |X: &Pose| <[[f64; 4]; 4]>::from(X.to_homogeneous().transpose()).into_iter().flatten();
         let poses = [samples.len(), 4, 4];
-        dict.set_item("X_WG", rows(samples.iter().flat_map(|it| matrix(&it.X_WG)).collect()).reshape(poses)?)?;
-        dict.set_item("X_WO", rows(samples.iter().flat_map(|it| matrix(&it.X_WO)).collect()).reshape(poses)?)?;
+        dict.set_item(
+            "X_WG",
+            rows(samples.iter().flat_map(|it| rows_of(&it.X_WG).into_iter().flatten()).collect()).reshape(poses)?,
+        )?;
+        dict.set_item(
+            "X_WO",
+            rows(samples.iter().flat_map(|it| rows_of(&it.X_WO).into_iter().flatten()).collect()).reshape(poses)?,
+        )?;
         let speeds = samples.iter().flat_map(|it| it.dq.iter().copied().take(self.dof)).collect();
         dict.set_item("dq", rows(speeds).reshape([samples.len(), self.dof])?)?;
         let contacts = samples

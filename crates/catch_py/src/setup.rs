@@ -307,17 +307,18 @@ impl Setup {
         obs: &str,
         action: &str,
     ) -> PyResult<SteeredArena> {
-        let views = [("state", View::State), ("pose", View::Pose), ("depth", View::Depth), ("cloud", View::Cloud)];
-        let actions = [("acceleration", Action::Acceleration), ("delta", Action::Delta)];
-        let expected = "'state', 'pose', 'depth' or 'cloud'";
-        let view =
-            views.iter().find(|(name, _)| *name == obs).ok_or_else(|| fault("obs", format!("'{obs}'"), expected))?;
-        let expected = "'acceleration' or 'delta'";
-        let action = actions
-            .iter()
-            .find(|(name, _)| *name == action)
-            .ok_or_else(|| fault("action", format!("'{action}'"), expected))?;
-        let (view, action) = (view.1, action.1);
+        let view = match obs {
+            "state" => View::State,
+            "pose" => View::Pose,
+            "depth" => View::Depth,
+            "cloud" => View::Cloud,
+            _ => return Err(fault("obs", format!("'{obs}'"), "'state', 'pose', 'depth' or 'cloud'")),
+        };
+        let action = match action {
+            "acceleration" => Action::Acceleration,
+            "delta" => Action::Delta,
+            _ => return Err(fault("action", format!("'{action}'"), "'acceleration' or 'delta'")),
+        };
         self.thrown(py, seed, index, move |lab, seed, index| SteeredArena::new(lab, seed, index, view, action))?
     }
 

@@ -16,6 +16,7 @@ use pyo3::{
 use crate::{
     arguments::{Named, input_fault},
     camera::Camera,
+    equipment::rows_of,
 };
 
 /// Interval between poses in seconds.
@@ -105,8 +106,8 @@ fn motion(py: Python<'_>, playback: &Playback, dict: &Bound<'_, PyDict>) -> PyRe
     let all: Vec<Vec<(String, Pose)>> = times_s.iter().map(|time_s| poses(playback, *time_s)).collect();
     let of_frames = PyDict::new(py);
     for (i, (name, _)) in all.first().into_iter().flatten().enumerate() {
-        let matrix = |X: &Pose| <[[f64; 4]; 4]>::from(X.to_homogeneous().transpose()).into_iter().flatten();
-        let values = all.iter().filter_map(|poses| poses.get(i)).flat_map(|(_, X)| matrix(X)).collect();
+        let values =
+            all.iter().filter_map(|poses| poses.get(i)).flat_map(|(_, X)| rows_of(X).into_iter().flatten()).collect();
         of_frames.set_item(name, PyArray1::from_vec(py, values).reshape([count, 4, 4])?)?;
     }
     dict.set_item("time_s", PyArray1::from_vec(py, times_s))?;

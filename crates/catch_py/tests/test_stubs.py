@@ -47,7 +47,7 @@ def test_the_module_has_what_its_stubs_say():
             continue
         assert native.__module__ == "catchingbot" and native.__doc__, name
         members = {it.name: it for it in stub.body if isinstance(it, ast.FunctionDef)}
-        own = {it for it in vars(native) if is_public(it) or it in ["_repr_html_", "__reduce__"]}
+        own = {it for it in vars(native) if is_public(it) or it in ["_repr_html_", "__reduce__", "__getnewargs__"]}
         assert own == members.keys() - {"__new__"}, name
         for member, function in members.items():
             is_property = any(isinstance(it, ast.Name) and it.id == "property" for it in function.decorator_list)

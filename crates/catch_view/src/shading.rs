@@ -1,12 +1,10 @@
 //! Ray-cast, shaded images of arm, hand and object, where no browser draws them.
 
-use std::io::Write;
-
 use base64::{Engine, prelude::BASE64_STANDARD};
 use catch_body::{Gripper, Pose, Robot, TriangleMesh, ray_cast::RayCaster};
 use catch_cell::{CameraModel, PixelWindow, sight::Sight};
-use flate2::{Compression, Crc, write::ZlibEncoder};
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
+use png::{ColorType, Compression, Encoder};
 
 use crate::{
     playback::{MotionSample, Playback},
@@ -128,24 +126,16 @@ pub fn picture_of_catch(playback: &Playback) -> String {
     BASE64_STANDARD.encode(png(&shader.image(&camera, &sample, &[]), PICTURE_PX))
 }
 
-/// A square picture as a PNG file. (W3C, Portable Network Graphics, third edition.)
+/// A square picture as a PNG file.
 fn png(colours: &[Colour], size_px: u32) -> Vec<u8> {
     let byte = |value: &f64| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
-    // Each row is as it is: filter 0.
-    let rows =
-        colours.chunks(size_px as usize).flat_map(|row| std::iter::once(0).chain(row.iter().flatten().map(byte)));
-    let mut packed = ZlibEncoder::new(Vec::new(), Compression::best());
-    let pixels = packed.write_all(&rows.collect::<Vec<u8>>()).and_then(|()| packed.finish()).unwrap_or_default();
-    let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
-    // Eight bits of red, green and blue.
-    let head = [&size_px.to_be_bytes()[..], &size_px.to_be_bytes(), &[8, 2, 0, 0, 0]].concat();
-    for (kind, content) in [(b"IHDR", head), (b"IDAT", pixels), (b"IEND", Vec::new())] {
-        let mut check = Crc::new();
-        check.update(kind);
-        check.update(&content);
-        file.extend((content.len() as u32).to_be_bytes());
-        file.extend([&kind[..], &content, &check.sum().to_be_bytes()].concat());
-    }
+    let pixels: Vec<u8> = colours.iter().flatten().map(byte).collect();
+    let mut file = Vec::new();
+    let mut encoder = Encoder::new(&mut file, size_px, size_px);
+    encoder.set_color(ColorType::Rgb);
+    encoder.set_compression(Compression::High);
+    // Writing to memory cannot fail.
+    let _ = encoder.write_header().and_then(|mut writer| writer.write_image_data(&pixels));
     file
 }
 

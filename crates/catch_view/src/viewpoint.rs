@@ -10,6 +10,7 @@ use catch_body::{
 };
 use catch_cell::{CameraModel, sight::Sight};
 use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use serde::Serialize;
 
 use crate::playback::{MotionSample, Playback};
 
@@ -52,15 +53,18 @@ pub struct Seen {
 }
 
 /// A viewpoint.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize)]
 pub struct Viewpoint {
     /// Azimuth of the camera from the point that it looks at, in radians.
+    #[serde(rename = "azimuth")]
     pub azimuth_rad: f64,
     /// Elevation of the camera above the horizon, in radians.
+    #[serde(rename = "elevation")]
     pub elevation_rad: f64,
     /// Half the height of what is shown around hand and object, in metres.
     pub radius_m: f64,
     /// Pixels seen at the catch.
+    #[serde(skip)]
     pub seen: Seen,
 }
 
@@ -235,12 +239,11 @@ pub fn between(playback: &Playback, sample: &MotionSample, radius_m: f64) -> (Po
 }
 
 /// A camera that shows an arm with the room around it, from before it.
-pub fn overview(robot: &Robot, [width_px, height_px]: [u32; 2]) -> CameraModel {
+pub fn overview(robot: &Robot, size_px: [u32; 2]) -> CameraModel {
     let reach_m = robot.length_m();
     let view = Viewpoint { azimuth_rad: 0.7, elevation_rad: 0.3, radius_m: 1.25 * reach_m, seen: Seen::default() };
     let centre = Point3::from(robot.X_WB.translation.vector + Vector3::z() * 0.6 * reach_m);
-    let X_WC = looking(&(centre + view.away() * view.radius_m / libm::tan(VIEW_RAD / 2.0)), &-view.away());
-    CameraModel::with_field_of_view(X_WC, width_px, height_px, VIEW_RAD)
+    view.around(&centre, view.radius_m, size_px)
 }
 
 /// The viewpoint of a ring whose look and bonus are worth most.

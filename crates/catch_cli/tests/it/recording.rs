@@ -76,7 +76,7 @@ fn a_page_counts_from_the_first_observation() {
     let mut playback = Playback::read(&own_cell::record(folder.path()).unwrap()).unwrap();
     playback.ticks.drain(..20);
     assert!((playback.start_s() - 0.2).abs() < 1e-9);
-    let data = serde_json::to_value(catch_view::pages::catch_page::PageData::of(&playback, 1000)).unwrap();
+    let data = catch_view::pages::catch_page::page_data(&playback, 1000);
     assert!((data["end_s"].as_f64().unwrap() - (playback.end_s() - 0.2)).abs() < 1e-9);
     let sensed = playback.motion_at(0.5).unwrap();
     assert!((sensed.time_s - 0.5).abs() < 1e-9 && sensed.X_WO.is_none());

@@ -10,7 +10,7 @@ use nalgebra::Point3;
 
 use super::{Condition, Outcome, outcome};
 use crate::{
-    results::{Entry, Table},
+    results::Entry,
     spread::{median, percent, spread},
 };
 
@@ -75,30 +75,8 @@ pub fn refined(
     }
 }
 
-pub fn table() -> Table {
-    let columns = [
-        "cameras",
-        "condition",
-        "calibrated on",
-        "draws",
-        "refined, %",
-        "position, mm",
-        "rotation, °",
-        "time, ms",
-        "apart, mm",
-        "coverage, %",
-        "claimed, mm",
-        "claimed, °",
-        "sightings",
-        "variance factor",
-        "tilt, °",
-        "claimed, °",
-    ];
-    Table::new("Refined by 20 flights", &columns)
-}
-
 /// A row of what the arm told, and one of what flights made of it.
-pub fn rows(condition: Condition, draws: &[&Refined]) -> Vec<Vec<Entry>> {
+pub fn rows(condition: Condition, draws: &[&Refined]) -> Vec<Vec<(&'static str, Entry)>> {
     if draws.is_empty() {
         return Vec::new();
     }
@@ -109,27 +87,24 @@ pub fn rows(condition: Condition, draws: &[&Refined]) -> Vec<Vec<Entry>> {
         let of_draw = |of: fn(&Refined) -> f64| draws.iter().map(|it| of(it)).collect::<Vec<f64>>();
         let apart: Vec<f64> = draws.iter().flat_map(|it| &stage(it).apart_m).copied().collect();
         let tilts: Vec<f64> = draws.iter().flat_map(|it| it.tilt_deg).map(f64::abs).collect();
-        let mut row = vec![
-            Entry::Count(condition.cameras),
-            Entry::text(condition.about),
-            Entry::text(name),
-            Entry::Count(draws.len()),
-            percent(draws.iter().filter(|it| it.is_refined).count(), draws.len()),
-        ];
-        row.extend([
-            spread(&values(|it| it.position_m), 1e3),
-            spread(&values(|it| it.rotation_deg), 1.0),
-            spread(&values(|it| it.time_s.abs()), 1e3),
-            spread(&apart, 1e3),
-            percent(cameras.iter().filter(|it| it.is_covered).count(), cameras.len()),
-            median(&values(|it| it.position_sd_m), 1e3),
-            median(&values(|it| it.rotation_sd_deg), 1.0),
-            median(&of_draw(|it| it.sightings as f64), 1.0),
-            median(&of_draw(|it| it.variance_factor), 1.0),
-            median(&tilts, 1.0),
-            median(&of_draw(|it| it.tilt_sd_deg), 1.0),
-        ]);
-        row
+        vec![
+            ("cameras", Entry::Count(condition.cameras)),
+            ("condition", Entry::text(condition.about)),
+            ("calibrated on", Entry::text(name)),
+            ("draws", Entry::Count(draws.len())),
+            ("refined, %", percent(draws.iter().filter(|it| it.is_refined).count(), draws.len())),
+            ("position, mm", spread(&values(|it| it.position_m), 1e3)),
+            ("rotation, °", spread(&values(|it| it.rotation_deg), 1.0)),
+            ("time, ms", spread(&values(|it| it.time_s.abs()), 1e3)),
+            ("apart, mm", spread(&apart, 1e3)),
+            ("coverage, %", percent(cameras.iter().filter(|it| it.is_covered).count(), cameras.len())),
+            ("claimed, mm", median(&values(|it| it.position_sd_m), 1e3)),
+            ("claimed, °", median(&values(|it| it.rotation_sd_deg), 1.0)),
+            ("sightings", median(&of_draw(|it| it.sightings as f64), 1.0)),
+            ("variance factor", median(&of_draw(|it| it.variance_factor), 1.0)),
+            ("tilt, °", median(&tilts, 1.0)),
+            ("claimed, °", median(&of_draw(|it| it.tilt_sd_deg), 1.0)),
+        ]
     };
     stages.map(row).into()
 }

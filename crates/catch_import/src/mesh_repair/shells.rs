@@ -21,10 +21,7 @@ pub(super) fn drop_specks(mesh: &mut TriangleMesh, shell_of: Vec<u32>, size_m: f
     let edges = Edges::of(&mesh.triangles);
     let mut specks: HashSet<u32> =
         edges.groups().filter(|it| it.len() == 1).map(|it| shell_of[it[0].2 as usize / 3]).collect();
-    let mut shells = vec![Shell::default(); shell_of.iter().max().map_or(0, |last| *last as usize + 1)];
-    for (corners, number) in mesh.all_corners().zip(&shell_of) {
-        shells[*number as usize].add(&corners);
-    }
+    let shells = Shell::all(mesh, &shell_of);
     specks.retain(|it| (shells[*it as usize].high - shells[*it as usize].low).max() < size_m);
     let mut numbers = shell_of.into_iter();
     mesh.triangles.retain(|_| numbers.next().is_none_or(|shell| !specks.contains(&shell)));
@@ -34,18 +31,15 @@ pub(super) fn drop_specks(mesh: &mut TriangleMesh, shell_of: Vec<u32>, size_m: f
 /// Turns shells outwards and leaves out those inside another one; cavities face inwards and stay. How many of
 /// each.
 pub(super) fn face_outwards(mesh: &mut TriangleMesh, shell_of: &[u32]) -> (usize, usize) {
-    let count = shell_of.iter().max().map_or(0, |last| *last as usize + 1);
-    let mut turned = 0;
-    if mesh.volume() < 0.0 {
+    let is_inside_out = mesh.volume() < 0.0;
+    if is_inside_out {
         mesh.triangles.iter_mut().for_each(|it| it.swap(1, 2));
-        turned = count;
     }
+    let shells = Shell::all(mesh, shell_of);
+    let count = shells.len();
+    let turned = if is_inside_out { count } else { 0 };
     if !(2..=MOST_SHELLS).contains(&count) {
         return (turned, 0);
-    }
-    let mut shells = vec![Shell::default(); count];
-    for (corners, number) in mesh.all_corners().zip(shell_of) {
-        shells[*number as usize].add(&corners);
     }
     let (mut turn, mut drop) = (vec![false; count], vec![false; count]);
     let tried = (MOST_WORK / (count * mesh.triangles.len())).clamp(1, TRIED);
@@ -55,17 +49,10 @@ pub(super) fn face_outwards(mesh: &mut TriangleMesh, shell_of: &[u32]) -> (usize
             turn[number] = own.volume_m3 < 0.0;
             continue;
         }
-        let others: Vec<[Point3<f64>; 3]> = mesh
-            .all_corners()
-            .zip(shell_of)
-            .filter(|(_, it)| around[**it as usize])
-            .map(|(corners, _)| corners)
-            .collect();
-        let turns = |at: &Point3<f64>| others.iter().map(|it| solid_angle(at, it)).sum::<f64>() / (4.0 * PI);
-        let members = mesh.all_corners().zip(shell_of).filter(|(_, it)| **it as usize == number);
-        let is_within = members
-            .step_by(own.triangles.div_ceil(tried))
-            .all(|([a, b, c], _)| turns(&Point3::from((a.coords + b.coords + c.coords) / 3.0)) > 0.5);
+        let others = || shells.iter().zip(&around).filter(|(_, is_around)| **is_around).flat_map(|it| &it.0.triangles);
+        let turns = |at: &Point3<f64>| others().map(|it| solid_angle(at, it)).sum::<f64>() / (4.0 * PI);
+        let mut tested = own.triangles.iter().step_by(own.triangles.len().div_ceil(tried));
+        let is_within = tested.all(|[a, b, c]| turns(&Point3::from((a.coords + b.coords + c.coords) / 3.0)) > 0.5);
         turn[number] = own.volume_m3 < 0.0 && !is_within;
         drop[number] = own.volume_m3 >= 0.0 && is_within;
     }
@@ -81,15 +68,10 @@ pub(super) fn face_outwards(mesh: &mut TriangleMesh, shell_of: &[u32]) -> (usize
 
 /// Number of shells that cross another one, so that they have a volume in common which counts twice.
 pub(super) fn crossing(mesh: &TriangleMesh, shell_of: &[u32]) -> usize {
-    let count = shell_of.iter().max().map_or(0, |last| *last as usize + 1);
+    let shells = Shell::all(mesh, shell_of);
+    let count = shells.len();
     if !(2..=MOST_SHELLS).contains(&count) {
         return 0;
-    }
-    let mut members: Vec<Vec<[Point3<f64>; 3]>> = vec![Vec::new(); count];
-    let mut shells = vec![Shell::default(); count];
-    for (corners, number) in mesh.all_corners().zip(shell_of) {
-        shells[*number as usize].add(&corners);
-        members[*number as usize].push(corners);
     }
     let mut crosses = vec![false; count];
     for one in 0..count {
@@ -98,7 +80,7 @@ pub(super) fn crossing(mesh: &TriangleMesh, shell_of: &[u32]) -> usize {
             let are_solid = shells[one].volume_m3 > 0.0 && shells[other].volume_m3 > 0.0;
             if are_solid && shells[one].meets(&shells[other]) {
                 let pairs = [(one, other), (other, one)];
-                if pairs.iter().any(|&(a, b)| enters(&members[a], &members[b], &shells[b])) {
+                if pairs.iter().any(|&(a, b)| enters(&shells[a].triangles, &shells[b])) {
                     (crosses[one], crosses[other]) = (true, true);
                 }
             }
@@ -109,15 +91,14 @@ pub(super) fn crossing(mesh: &TriangleMesh, shell_of: &[u32]) -> usize {
 
 /// Returns whether a surface enters a closed one: a triangle's middle is inside, or an edge goes through a
 /// triangle.
-fn enters(surface: &[[Point3<f64>; 3]], closed: &[[Point3<f64>; 3]], of_closed: &Shell) -> bool {
-    let near: Vec<&[Point3<f64>; 3]> = surface
-        .iter()
-        .filter(|it| {
-            let mut own = Shell::default();
-            own.add(it);
-            own.meets(of_closed)
-        })
-        .collect();
+fn enters(surface: &[[Point3<f64>; 3]], of_closed: &Shell) -> bool {
+    let closed = &of_closed.triangles;
+    let is_near = |it: &&[Point3<f64>; 3]| {
+        let mut own = Shell::default();
+        own.add(**it);
+        own.meets(of_closed)
+    };
+    let near: Vec<&[Point3<f64>; 3]> = surface.iter().filter(is_near).collect();
     let tried = (MOST_PAIRS / closed.len().max(1)).max(1);
     let sampled = || near.iter().step_by(near.len().div_ceil(tried).max(1));
     sampled().any(|corners| {
@@ -143,10 +124,10 @@ fn pierces([p, q]: [Point3<f64>; 2], [a, b, c]: &[Point3<f64>; 3]) -> bool {
         && (sides.iter().all(|it| *it > least) || sides.iter().all(|it| *it < -least))
 }
 
-/// Bounding box, volume and number of triangles of a shell.
+/// Triangles, bounding box and volume of a shell.
 #[derive(Debug, Clone)]
 struct Shell {
-    triangles: usize,
+    triangles: Vec<[Point3<f64>; 3]>,
     low: Point3<f64>,
     high: Point3<f64>,
     volume_m3: f64,
@@ -155,15 +136,25 @@ struct Shell {
 impl Default for Shell {
     fn default() -> Self {
         let far = Point3::from(Vector3::repeat(f64::INFINITY));
-        Self { triangles: 0, low: far, high: -far, volume_m3: 0.0 }
+        Self { triangles: Vec::new(), low: far, high: -far, volume_m3: 0.0 }
     }
 }
 
 impl Shell {
-    fn add(&mut self, corners: &[Point3<f64>; 3]) {
+    /// The shells of a surface by their numbers.
+    fn all(mesh: &TriangleMesh, shell_of: &[u32]) -> Vec<Self> {
+        let count = shell_of.iter().max().map_or(0, |last| *last as usize + 1);
+        let mut shells = vec![Self::default(); count];
+        for (corners, number) in mesh.all_corners().zip(shell_of) {
+            shells[*number as usize].add(corners);
+        }
+        shells
+    }
+
+    fn add(&mut self, corners: [Point3<f64>; 3]) {
         let [a, b, c] = corners.map(|it| it.coords);
-        self.triangles += 1;
-        for corner in corners {
+        self.triangles.push(corners);
+        for corner in &corners {
             (self.low, self.high) = (self.low.inf(corner), self.high.sup(corner));
         }
         self.volume_m3 += a.dot(&b.cross(&c)) / 6.0;

@@ -17,6 +17,7 @@ use catch_body::{
     quantity::Quantity,
 };
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
+use percent_encoding::percent_decode_str;
 
 use super::gltf_accessor::{Buffers, index, rows};
 use crate::{json, surface_file::strip};
@@ -108,7 +109,7 @@ fn bytes_of<'a>(
         Some(uri) => match uri.text().strip_prefix("data:").map(|data| data.split_once(";base64,")) {
             Some(Some((_, text))) => BASE64_STANDARD.decode(text).map_err(|it| uri.fault(it, "data in base64"))?.into(),
             Some(None) => return Err(uri.fault("data of another kind", "data:…;base64,…")),
-            None => load(&unescaped(uri.text()))?.into(),
+            None => load(&percent_decode_str(uri.text()).decode_utf8_lossy())?.into(),
         },
     };
     if length.is_some_and(|it| it > bytes.len()) {
@@ -129,20 +130,6 @@ fn chunk<'a>(bytes: &'a [u8], kind: &[u8]) -> Option<&'a [u8]> {
         rest = behind;
     }
     None
-}
-
-/// A relative path whose `%20` and the like are bytes again.
-fn unescaped(uri: &str) -> String {
-    let mut bytes = Vec::new();
-    let mut rest = uri.as_bytes();
-    while let Some((first, behind)) = rest.split_first() {
-        let code = || u8::from_str_radix(std::str::from_utf8(behind.get(..2)?).ok()?, 16).ok();
-        (rest, _) = match (first, code()) {
-            (b'%', Some(byte)) => (&behind[2..], bytes.push(byte)),
-            _ => (behind, bytes.push(*first)),
-        };
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
 }
 
 struct Reader<'a> {

@@ -8,7 +8,7 @@ use std::{
 use crate::{
     capsule_fit::directions,
     cloud_file,
-    description::{Description, Geometry, Link, Shape},
+    description::{Description, Geometry, Link},
     mesh_files::{MeshFiles, located},
     mesh_paths::resolve,
     model_of_mujoco,
@@ -138,23 +138,11 @@ impl Source {
             let (field, expected) = (format!("link {name}"), format!("at most {MOST_SHAPES}"));
             return Err(InputError::new(&source.file, field, format!("{shapes} shapes"), expected));
         }
-        let mut faults = Vec::new();
-        let mut meshes =
-            MeshFiles::new(|named| groups(&located(path, named, MESH.expected)?).map(|(groups, _)| groups));
-        let mut read = |shapes: &[Geometry]| -> Result<Vec<TriangleMesh>, InputError> {
-            let mut all = Vec::new();
-            for shape in shapes {
-                match placed(shape, &mut meshes) {
-                    Ok(groups) => {
-                        meshes.count(&source.file, &groups)?;
-                        all.extend(groups);
-                    }
-                    Err(fault) => faults.push(fault),
-                }
-            }
-            Ok(all)
-        };
-        let (visuals, collisions) = (read(&link.visuals)?, read(&link.collisions)?);
+        let read_mesh = |named: &str| groups(&located(path, named, MESH.expected)?).map(|(groups, _)| groups);
+        let mut meshes = MeshFiles::new(read_mesh);
+        let mut read = |shapes: &[Geometry]| meshes.placed(&source.file, shapes, |_, _| None);
+        let ((visuals, mut faults), (collisions, others)) = (read(&link.visuals)?, read(&link.collisions)?);
+        faults.extend(others);
         source.findings.extend(faults.iter().map(|it| format!("not read: {it}")));
         let of_visuals = !visuals.is_empty();
         source.surface = merged(if of_visuals { visuals } else { collisions.clone() });
@@ -315,19 +303,4 @@ fn merged(groups: Vec<TriangleMesh>) -> TriangleMesh {
     let mut all = groups.next().unwrap_or_default();
     groups.for_each(|it| all.merge(&it));
     all
-}
-
-/// A shape of a link as meshes in the link's frame, the groups of a mesh file apart.
-fn placed<F>(geometry: &Geometry, meshes: &mut MeshFiles<F>) -> Result<Vec<TriangleMesh>, InputError>
-where
-    F: Fn(&str) -> Result<Vec<TriangleMesh>, InputError>,
-{
-    let Shape::Mesh { file: named, scale } = &geometry.shape else {
-        return Ok(geometry.surface().into_iter().collect());
-    };
-    let mut groups = (*meshes.get(named)?).clone();
-    for vertex in groups.iter_mut().flat_map(|it| &mut it.vertices) {
-        *vertex = geometry.X_LS * Point3::from(vertex.coords.component_mul(scale));
-    }
-    Ok(groups)
 }

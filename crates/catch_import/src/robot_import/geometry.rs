@@ -44,29 +44,20 @@ impl BodyShape {
     ///
     /// # Errors
     /// If it has more shapes or triangles than are read.
-    pub(crate) fn of<F>(file: &Path, body: &Body, meshes: &mut MeshFiles<F>) -> Result<Self, InputError>
-    where
-        F: Fn(&str) -> Result<Vec<TriangleMesh>, InputError>,
-    {
+    pub(crate) fn of(file: &Path, body: &Body, meshes: &mut MeshFiles) -> Result<Self, InputError> {
         let mut shape = Self::default();
         let file = file.display().to_string();
         let mut read = |shapes: &[Geometry]| {
-            let mut all = TriangleMesh::default();
             if shapes.len() > MOST_SHAPES {
                 let (field, found) = (format!("link {}", body.links[0]), format!("{} shapes", shapes.len()));
                 return Err(InputError::new(&file, field, found, format!("at most {MOST_SHAPES}")));
             }
-            let before = shape.unread.len();
-            for geometry in shapes {
-                match surface(geometry, meshes) {
-                    Ok(surface) => {
-                        meshes.count(&file, std::slice::from_ref(&surface))?;
-                        all.merge(&surface);
-                    }
-                    Err(fault) => shape.unread.push(fault),
-                }
-            }
-            Ok((all, shape.unread.len() == before))
+            let mut all = TriangleMesh::default();
+            let (surfaces, faults) = meshes.placed(&file, shapes, too_large)?;
+            surfaces.iter().for_each(|it| all.merge(it));
+            let is_whole = faults.is_empty();
+            shape.unread.extend(faults);
+            Ok((all, is_whole))
         };
         let (collisions, (visuals, is_whole)) = (read(&body.collisions)?.0, read(&body.visuals)?);
         if is_whole && !visuals.triangles.is_empty() {
@@ -135,26 +126,13 @@ pub fn read_mesh(file: &Path, named: &str) -> Result<Vec<TriangleMesh>, InputErr
     Ok(vec![surface_from_bytes(&path.display().to_string(), &bytes)?])
 }
 
-/// The surface of a shape in its body's frame.
-fn surface<F>(geometry: &Geometry, meshes: &mut MeshFiles<F>) -> Result<TriangleMesh, InputError>
-where
-    F: Fn(&str) -> Result<Vec<TriangleMesh>, InputError>,
-{
-    let surface = match &geometry.shape {
-        Shape::Mesh { file: named, scale } => {
-            let mut surface = meshes.get(named)?.first().cloned().unwrap_or_default();
-            for vertex in &mut surface.vertices {
-                *vertex = geometry.X_LS * Point3::from(vertex.coords.component_mul(scale));
-            }
-            surface
-        }
-        _ => geometry.surface().unwrap_or_default(),
-    };
+/// The fault of a surface that is larger than a part of an arm.
+fn too_large(geometry: &Geometry, surface: &TriangleMesh) -> Option<InputError> {
     let extent_m = surface.aabb().size.max();
     if extent_m.is_finite() && extent_m <= MOST_EXTENT_M {
-        return Ok(surface);
+        return None;
     }
     let named = if let Shape::Mesh { file, .. } = &geometry.shape { file } else { "a shape" };
     let expected = format!("at most {MOST_EXTENT_M} m: a part of an arm, in metres (`scale=\"0.001 0.001 0.001\"`)");
-    Err(InputError::new(named, "extent", format!("{extent_m} m"), expected))
+    Some(InputError::new(named, "extent", format!("{extent_m} m"), expected))
 }

@@ -1,7 +1,7 @@
 //! A calibration as one page: what the cameras show beside the arm as predicted.
 
 use catch_calibration::overlay::Overlay;
-use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::{
     document, fill,
@@ -20,30 +20,15 @@ pub struct CameraSection {
     pub overlays: Vec<Overlay>,
 }
 
-#[derive(Serialize)]
-struct CameraData<'a> {
-    summary: &'a str,
-    images: Vec<ImageData>,
-}
-
-#[derive(Serialize)]
-struct ImageData {
-    width: usize,
-    height: usize,
-    /// Runs of pixels: 1 for something shown plus 2 for the arm predicted, and how many.
-    runs: Packed,
-}
-
 /// The page of a calibration.
 pub fn page(title: &str, cameras: &[CameraSection]) -> String {
-    let image = |it: &Overlay| ImageData {
-        width: it.width_px,
-        height: it.shown.len() / it.width_px.max(1),
-        runs: Packed::indices(runs(it).into_iter().flatten(), 2),
+    let image = |it: &Overlay| {
+        // Runs of pixels: 1 for something shown plus 2 for the arm predicted, and how many.
+        let runs = Packed::indices(runs(it).into_iter().flatten(), 2);
+        json!({ "width": it.width_px, "height": it.shown.len() / it.width_px.max(1), "runs": runs })
     };
-    let camera = |it: &CameraSection| it.overlays.iter().map(image).collect::<Vec<_>>();
-    let data: Vec<CameraData> =
-        cameras.iter().map(|it| CameraData { summary: &it.summary, images: camera(it) }).collect();
+    let images = |it: &CameraSection| it.overlays.iter().map(image).collect::<Value>();
+    let data: Value = cameras.iter().map(|it| json!({ "summary": it.summary, "images": images(it) })).collect();
     let (heading, data) = (packed::text_in_html(title), packed::json_in_html(&data));
     document(title, "calibration", "", &fill(PAGE, &[("title", &heading), ("data", &data), ("script", SCRIPT)]))
 }

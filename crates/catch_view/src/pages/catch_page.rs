@@ -11,13 +11,15 @@ mod points;
 mod predictions;
 mod surfaces;
 
+use serde_json::Value;
+
 use super::{VIEWER, document, fill, packed};
 use crate::playback::Playback;
 
-pub(super) use {data::seven, surfaces::PackedSurface};
-pub use {
-    data::{Links, PageData},
-    points::MOST_POINTS,
+pub use {data::page_data, points::MOST_POINTS};
+pub(super) use {
+    data::{joint_data, seven},
+    surfaces::packed_surface,
 };
 
 const PAGE: &str = include_str!("catch_page/page.html");
@@ -32,16 +34,14 @@ const SCRIPTS: [&str; 6] = [
 
 /// The page of a throw.
 pub fn page(playback: &Playback) -> String {
-    filled(playback, &PageData::of(playback, MOST_POINTS))
+    page_among(playback, Value::Null)
 }
 
-/// The page of a throw among others.
-pub fn page_among(playback: &Playback, links: Links) -> String {
-    filled(playback, &PageData::of(playback, MOST_POINTS).among(links))
-}
-
-fn filled(playback: &Playback, data: &PageData) -> String {
-    let data = packed::json_in_html(data);
+/// The page of a throw, with links to others where it is one of a report's.
+pub fn page_among(playback: &Playback, links: Value) -> String {
+    let mut data = page_data(playback, MOST_POINTS);
+    data["links"] = links;
+    let data = packed::json_in_html(&data);
     fill(&template(), &[("title", &packed::text_in_html(&playback.header.title)), ("data", &data)])
 }
 

@@ -12,7 +12,7 @@ use catch_lab::{
     assets::Origin,
     evaluation::{
         Identity,
-        comparison::{Comparison, Pair},
+        comparison::{Comparison, Counts, Pair},
     },
     parallel,
     scenario::setup::{Choice, Setup},
@@ -80,10 +80,7 @@ pub fn page(comparison: &Comparison, names: [&str; 2], pages: &BTreeMap<usize, S
         scenarios[0], scenarios[1], comparison.identities[0].seed,
     );
     for (name, it) in comparison.counts() {
-        let cells = [it.trials, it.both, it.only_a, it.only_b, it.neither].map(|count| count.to_string());
-        let cells =
-            cells.into_iter().chain([points(it.difference), interval(it.difference95), format!("{:.2}", it.mcnemar_p)]);
-        let cells: String = cells.map(|cell| format!("<td class=\"n\">{cell}</td>")).collect();
+        let cells: String = figures(&it).map(|cell| format!("<td class=\"n\">{cell}</td>")).concat();
         let _ = writeln!(html, "<tr><td>{}</td>{cells}</tr>", text_in_html(&name.replace('_', " ")));
     }
     html += "</table></div>\n";
@@ -103,13 +100,12 @@ pub fn page(comparison: &Comparison, names: [&str; 2], pages: &BTreeMap<usize, S
     report_document(&format!("{} and {}", names[0], names[1]), &html)
 }
 
-/// A difference of rates in percentage points.
-pub fn points(difference: f64) -> String {
-    format!("{:+.1} %", difference * 100.0).replace('-', "−")
-}
-
-/// An interval of differences in percentage points.
-pub fn interval(difference95: [f64; 2]) -> String {
-    let [low, high] = difference95.map(|it| format!("{:+.1}", it * 100.0).replace('-', "−"));
-    format!("{low} – {high} %")
+/// The throws of both, and how they differ: the columns of a comparison.
+pub fn figures(it: &Counts) -> [String; 8] {
+    let [throws, both, only_a, only_b, neither] =
+        [it.trials, it.both, it.only_a, it.only_b, it.neither].map(|count| count.to_string());
+    let points = |difference: f64| format!("{:+.1}", difference * 100.0).replace('-', "−");
+    let [low, high] = it.difference95.map(points);
+    let (difference, interval) = (points(it.difference) + " %", format!("{low} – {high} %"));
+    [throws, both, only_a, only_b, neither, difference, interval, format!("{:.2}", it.mcnemar_p)]
 }

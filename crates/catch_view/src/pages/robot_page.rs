@@ -1,12 +1,13 @@
 //! An imported robot as one page: its links' shapes with the capsules around them, and a slider for each
 //! joint.
 
-use catch_body::{Robot, TriangleMesh, shape::Capsule};
+use catch_body::{Robot, TriangleMesh, robot::Joint, shape::Capsule};
 use serde::Serialize;
+use serde_json::json;
 
 use super::{
     VIEWER,
-    catch_page::{PackedSurface, seven},
+    catch_page::{joint_data, packed_surface, seven},
     document, fill, packed,
 };
 use crate::surfaces::thinned;
@@ -16,28 +17,6 @@ const PAGE: &str = include_str!("robot_page/page.html");
 const SCRIPT: &str = include_str!("robot_page/robot.js");
 /// Flat strips around a capsule.
 const SEGMENTS: u32 = 24;
-
-/// All that the page's script reads. Poses are (x, y, z, qx, qy, qz, qw).
-#[derive(Debug, Serialize)]
-struct PageData {
-    version: &'static str,
-    base: [f64; 7],
-    gripper: [f64; 7],
-    joints: Vec<JointData>,
-    ready_rad: Vec<f64>,
-    surfaces: Vec<PackedSurface<Kind>>,
-    is_covered: bool,
-    coverage: String,
-}
-
-#[derive(Debug, Serialize)]
-struct JointData {
-    name: String,
-    parent: [f64; 7],
-    axis: [f64; 3],
-    lower: f64,
-    upper: f64,
-}
 
 /// Kind of a surface.
 #[derive(Debug, Clone, Copy, Serialize)]
@@ -63,30 +42,25 @@ pub fn page<'a>(
     for (link, (surface, capsules)) in shapes.into_iter().enumerate() {
         let capsules = capsules.iter().map(|it| (Kind::Capsule, TriangleMesh::capsule(it, SEGMENTS)));
         let mesh = Some((Kind::Mesh, thinned(surface))).filter(|(_, it)| !it.triangles.is_empty());
-        surfaces.extend(mesh.into_iter().chain(capsules).map(|(kind, mesh)| PackedSurface::new(kind, link, &mesh)));
+        surfaces.extend(mesh.into_iter().chain(capsules).map(|(kind, mesh)| packed_surface(kind, link, &mesh, None)));
     }
-    let data = PageData {
-        version: VERSION,
-        base: seven(&robot.X_WB),
-        gripper: seven(&robot.X_LG),
-        joints: joints(robot),
-        ready_rad: robot.ready_q.iter().take(robot.dof()).copied().collect(),
-        surfaces,
-        is_covered,
-        coverage,
+    let joint = |joint: &Joint| {
+        let mut data = joint_data(joint);
+        (data["lower"], data["upper"]) = (json!(joint.limits.lower), json!(joint.limits.upper));
+        data
     };
+    // All that the page's script reads. Poses are (x, y, z, qx, qy, qz, qw).
+    let data = json!({
+        "version": VERSION,
+        "base": seven(&robot.X_WB),
+        "gripper": seven(&robot.X_LG),
+        "joints": robot.joints.iter().map(joint).collect::<Vec<_>>(),
+        "ready_rad": &robot.ready_q.as_slice()[..robot.dof()],
+        "surfaces": surfaces,
+        "is_covered": is_covered,
+        "coverage": coverage,
+    });
     let script = [VIEWER, SCRIPT].concat();
     let (heading, data) = (packed::text_in_html(&robot.name), packed::json_in_html(&data));
     document(&robot.name, "catch", "", &fill(PAGE, &[("title", &heading), ("data", &data), ("script", &script)]))
-}
-
-fn joints(robot: &Robot) -> Vec<JointData> {
-    let of_joint = |joint: &catch_body::robot::Joint| JointData {
-        name: joint.name.clone(),
-        parent: seven(&joint.X_PL),
-        axis: joint.axis.into_inner().into(),
-        lower: joint.limits.lower,
-        upper: joint.limits.upper,
-    };
-    robot.joints.iter().map(of_joint).collect()
 }

@@ -2,7 +2,7 @@
 
 use catch_sim::{Contact, TruthSample};
 use nalgebra::Point3;
-use serde::Serialize;
+use serde_json::{Value, json};
 
 use crate::playback::Playback;
 
@@ -11,22 +11,11 @@ const MOST_CONTACTS: usize = 60;
 /// A part is touched anew after it was free for so long, in seconds.
 const FREE_S: f64 = 0.01;
 
-/// A contact with a part of the hand, from its beginning.
-#[derive(Debug, Serialize)]
-pub struct TouchedPart {
-    time_s: f64,
-    part: &'static str,
-    /// Point of the part that is nearest to the object's centre of mass, in G.
-    p_G: [f64; 3],
-    /// Largest normal impulse of a step within the first 10 ms, in N·s.
-    impulse_ns: f64,
-}
-
 /// Names of the parts of the hand.
 const PARTS: [&str; 3] = ["left finger", "right finger", "palm"];
 
-/// Contacts in the order of time.
-pub fn contacts(playback: &Playback) -> Vec<TouchedPart> {
+/// Contacts with parts of the hand, from their beginnings, in the order of time.
+pub fn contacts(playback: &Playback) -> Vec<Value> {
     let Some(samples) = playback.ground_truth().map(|it| &it.truth.samples) else { return Vec::new() };
     let mut contacts = Vec::new();
     for (part, name) in PARTS.into_iter().enumerate() {
@@ -36,19 +25,21 @@ pub fn contacts(playback: &Playback) -> Vec<TouchedPart> {
         for (i, sample) in samples.iter().enumerate().filter(|(_, it)| touches(it.contact)) {
             if sample.time_s > last_s + FREE_S {
                 let first = samples[i..].iter().take_while(|it| it.time_s <= sample.time_s + FREE_S);
-                contacts.push(TouchedPart {
-                    time_s: sample.time_s - playback.start_s(),
-                    part: name,
-                    p_G: nearest_point(playback, sample, part).into(),
-                    impulse_ns: first.map(|it| it.contact.peak_impulse_ns).fold(0.0, f64::max),
+                let contact = json!({
+                    "time_s": sample.time_s - playback.start_s(),
+                    "part": name,
+                    // Point of the part that is nearest to the object's centre of mass, in G.
+                    "p_G": <[f64; 3]>::from(nearest_point(playback, sample, part)),
+                    // Largest normal impulse of a step within the first 10 ms, in N·s.
+                    "impulse_ns": first.map(|it| it.contact.peak_impulse_ns).fold(0.0, f64::max),
                 });
+                contacts.push((sample.time_s, contact));
             }
             last_s = sample.time_s;
         }
     }
-    contacts.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    contacts.truncate(MOST_CONTACTS);
-    contacts
+    contacts.sort_by(|a, b| a.0.total_cmp(&b.0));
+    contacts.into_iter().take(MOST_CONTACTS).map(|(_, contact)| contact).collect()
 }
 
 /// Point of a finger (0 or 1) or of the housing (2) that is nearest to the object's centre of mass, in G.

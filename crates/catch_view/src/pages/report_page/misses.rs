@@ -6,12 +6,9 @@ use std::{
 };
 
 use catch_body::InputError;
+use serde_json::json;
 
-use crate::{
-    pages::catch_page::{self, Links},
-    playback::Playback,
-    shading,
-};
+use crate::{pages::catch_page, playback::Playback, shading};
 use catch_lab::{
     evaluation::{Cell, Evaluation, Row},
     parallel,
@@ -65,13 +62,15 @@ pub fn record_misses(
         let playback = Playback::read(&page.with_extension(catch_recording::EXTENSION))?;
         let place = missed.iter().position(|it| *it == i);
         let beside = |by: usize| place.and_then(|it| name(*missed.get(it.wrapping_add(by))?));
-        let links = Links {
-            report: "../report.html".to_owned(),
-            previous: beside(usize::MAX),
-            next: beside(1),
-            caught: neighbours.get(&i).and_then(|it| name(*it)),
-            missed: neighbours.iter().find(|(_, caught)| **caught == i).and_then(|(it, _)| name(*it)),
-        };
+        let links = json!({
+            "report": "../report.html",
+            // The misses before and after this one.
+            "previous": beside(usize::MAX),
+            "next": beside(1),
+            // The nearest throw that was caught; of a caught one, the miss that it is near to.
+            "caught": neighbours.get(&i).and_then(|it| name(*it)),
+            "missed": neighbours.iter().find(|(_, caught)| **caught == i).and_then(|(it, _)| name(*it)),
+        });
         whole_file::write(page, catch_page::page_among(&playback, links))?;
         let picture = shading::picture_of_catch(&playback);
         Ok(name(i).map(|name| (i, Miss { page: format!("{FOLDER}/{name}"), picture })))
