@@ -1,6 +1,8 @@
 //! Rigs that nobody placed: two cameras somewhere around the arm, calibrated on it, and how well their catch
 //! rates are expected.
 
+use std::ops::Range;
+
 use anyhow::Result;
 use catch_body::pose::look_at;
 use catch_cell::CameraModel;
@@ -12,7 +14,7 @@ use catch_lab::{
     trial,
 };
 use catch_sim::random_streams::{Draws, Stream};
-use nalgebra::Point3;
+use nalgebra::{Matrix4, Point3, Vector4};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -23,29 +25,35 @@ use crate::{
 
 pub const LEGEND: &str = "\n\nTwo cameras *anywhere* stand on tripods that nobody placed, in the scenario `lab`: 1.5 to 3.5 m from the base in any direction, 0.8 to 2.5 m high, looking at \
 the working space. Images are those of a RealSense D435 or D455 (848×480, 90 Hz) or of an Orbbec Femto Bolt (640×576, 30 Hz), depth errors those of `lab`. The \
-arm calibrates each rig. Rates of all throws stand with what `place-cameras` expects of them, which was fitted to ten other rigs. *Seen* are throws that two cameras \
-show for 0.25 s or more until 0.3 s before the catch.";
+arm calibrates each rig. Rates stand with what `place-cameras` expects of the throws. *Seen* are throws that two cameras \
+show for 0.25 s or more until 0.3 s before the catch. Expected rates are a logistic regression, fitted to ten other rigs of the same kind: its coefficients of \
+balls, of other objects, and of the logarithms of the standard deviations (mm) at the decision and at the closing, as they are in use and as these throws give \
+them.";
 
-/// Rigs that are reported. The first ten are those to which the expected rates were fitted.
-const RIGS: std::ops::Range<u64> = 10..20;
+/// Rigs to which expected rates are fitted.
+const FITTED: Range<u64> = 0..10;
+/// Rigs that are reported.
+const REPORTED: Range<u64> = 10..20;
 /// Throws of a kind on each rig, per trial of the page.
 const PER_TRIAL: f64 = 0.125;
 /// Parts of equal width into which expected rates are divided.
 const BINS: usize = 5;
 /// Throws of each object on each rig.
 const THROWS: [&str; 2] = ["random", "by_hand"];
+/// What coefficients cost, so that a fit to few throws has a solution.
+const RIDGE: f64 = 0.01;
 /// Time for which two cameras have to see a flight, in seconds.
 const SEEN_S: f64 = 0.25;
 
 /// Width, height, focal length in pixels, and images a second.
 const IMAGES: [(u32, u32, f64, f64); 3] = [(848, 480, 433.0, 90.0), (848, 480, 433.0, 90.0), (640, 576, 504.0, 30.0)];
 
-/// One throw: what was expected, and what came of it.
+/// One throw: what the rig knows of it, and what came of it.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Thrown {
     caught: bool,
     shown_by_two_s: f64,
-    expected: f64,
+    features: [f64; 4],
 }
 
 /// Two cameras 1.5 to 3.5 m from the base and 0.8 to 2.5 m high, which look at the working space.
@@ -81,8 +89,8 @@ fn thrown(rig: u64, setup: &Setup, options: &Options) -> Result<Vec<Thrown>> {
     let result = |index: usize| {
         let trial = trial::run_unobserved(&mut setup.brain(seed, index as u64), setup, seed, index as u64);
         let flight = &score.flights[index];
-        let expected = expected_rate::probability(flight, is_round);
-        Thrown { caught: referee::judge(setup, &trial).caught, shown_by_two_s: flight.shown_by_two_s, expected }
+        let features = expected_rate::features(flight, is_round);
+        Thrown { caught: referee::judge(setup, &trial).caught, shown_by_two_s: flight.shown_by_two_s, features }
     };
     Ok(parallel::map(trials as usize, result))
 }
@@ -110,7 +118,7 @@ fn of_rig(rig: u64, options: &Options) -> Result<Vec<(&'static str, &'static str
 fn figures<'a>(thrown: impl Iterator<Item = &'a Thrown>) -> Vec<Entry> {
     let thrown: Vec<&Thrown> = thrown.collect();
     let seen: Vec<&&Thrown> = thrown.iter().filter(|it| it.shown_by_two_s >= SEEN_S).collect();
-    let expected: f64 = thrown.iter().map(|it| it.expected).sum();
+    let expected: f64 = thrown.iter().map(|it| expected_rate::probability(it.features)).sum();
     vec![
         Entry::Count(thrown.len()),
         rate(thrown.iter().filter(|it| it.caught).count(), thrown.len()),
@@ -126,7 +134,8 @@ pub fn tables(options: &Options) -> Result<Vec<Table>> {
     let columns = |first: &[&'static str]| [first, &FIGURES].concat();
     let mut by_rig = Table::new("Two cameras anywhere, by rig", &columns(&["rig", "object"])).across("object");
     let mut by_throw = Table::new("Two cameras anywhere, by throw", &columns(&["throw", "object"]));
-    let all = RIGS.map(|rig| Ok((rig, of_rig(rig, options)?))).collect::<Result<Vec<_>>>()?;
+    let of = |rigs: Range<u64>| rigs.map(|rig| Ok((rig, of_rig(rig, options)?))).collect::<Result<Vec<_>>>();
+    let (fitted, all) = (of(FITTED)?, of(REPORTED)?);
     for (rig, thrown) in &all {
         for object in Kind::Object.names() {
             let of_object = thrown.iter().filter(|it| it.1 == object).flat_map(|it| &it.2);
@@ -143,8 +152,10 @@ pub fn tables(options: &Options) -> Result<Vec<Table>> {
     by_throw.rows.push([vec![Entry::text("all"), Entry::text("all")], figures(thrown().flat_map(|it| &it.2))].concat());
     let mut reliability = Table::new("Expected and found", &["expected", "throws", "expected, %", "found, %"]);
     for bin in 0..BINS {
-        let those =
-            thrown().flat_map(|it| &it.2).filter(|it| ((it.expected * BINS as f64) as usize).min(BINS - 1) == bin);
+        let those = thrown().flat_map(|it| &it.2).filter(|it| {
+            let expected = expected_rate::probability(it.features);
+            ((expected * BINS as f64) as usize).min(BINS - 1) == bin
+        });
         let [from, to] = [bin, bin + 1].map(|it| 100 * it / BINS);
         let [throws, found, expected, ..] = &figures(those)[..] else { continue };
         reliability.rows.push(vec![
@@ -154,5 +165,29 @@ pub fn tables(options: &Options) -> Result<Vec<Table>> {
             found.clone(),
         ]);
     }
-    Ok(vec![by_rig, by_throw, reliability])
+    let mut coefficients =
+        Table::new("Coefficients of expected rates", &["of", "ball", "other", "decision", "closing"]);
+    let thrown: Vec<&Thrown> = fitted.iter().flat_map(|it| &it.1).flat_map(|it| &it.2).collect();
+    for (name, row) in [("in use", Vector4::from(expected_rate::COEFFICIENTS)), ("these throws", regression(&thrown))] {
+        let row = row.iter().map(|it| Entry::Number(Some(*it)));
+        coefficients.rows.push([Entry::text(name)].into_iter().chain(row).collect());
+    }
+    Ok(vec![by_rig, by_throw, reliability, coefficients])
+}
+
+/// Coefficients of a logistic regression of catches, by Newton's method.
+fn regression(thrown: &[&Thrown]) -> Vector4<f64> {
+    let mut coefficients = Vector4::zeros();
+    for _ in 0..20 {
+        let (mut gradient, mut curvature) = (Vector4::zeros(), Matrix4::identity() * RIDGE);
+        for it in thrown {
+            let features = Vector4::from(it.features);
+            let probability = 1.0 / (1.0 + libm::exp(-features.dot(&coefficients)));
+            gradient += features * (f64::from(it.caught) - probability);
+            curvature += features * features.transpose() * (probability * (1.0 - probability));
+        }
+        gradient -= coefficients * RIDGE;
+        coefficients += curvature.cholesky().map_or(Vector4::zeros(), |it| it.solve(&gradient));
+    }
+    coefficients
 }

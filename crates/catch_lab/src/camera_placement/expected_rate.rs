@@ -2,8 +2,8 @@
 //!
 //! Two cameras that stand close together, or far away, know a throw to centimetres when the catch is decided,
 //! and few of these are caught. How few says a logistic regression on the logarithms of both standard
-//! deviations. It was fitted to throws of the built-in objects on ten rigs drawn at random, 15 of each kind,
-//! and on `d435_lab`; `catch_experiments -- cameras` reports ten other rigs.
+//! deviations. `catch_experiments -- cameras` fits it to throws of the built-in objects on ten rigs drawn at
+//! random, and reports it on ten others.
 
 use super::{Config, FlightScore};
 use crate::{
@@ -14,11 +14,8 @@ use crate::{
     },
 };
 
-/// Logits of balls and of other objects that are known to 1 mm at both times: for others the orientation
-/// counts, too.
-const AT_1_MM: [f64; 2] = [2.50, 0.99];
-/// What the logit loses where the standard deviation is e times as large: at the decision, at the closing.
-const LOST: [f64; 2] = [0.51, 0.57];
+/// Coefficients of the [`features`] of a throw.
+pub const COEFFICIENTS: [f64; 4] = [2.50, 0.99, -0.51, -0.57];
 /// A ball's narrowest extent is its diameter, to this fraction.
 const ROUND: f64 = 0.9;
 /// The probability that each throw is caught, averaged; none for other arms and hands, and for other times.
@@ -31,7 +28,7 @@ pub(super) fn rate(setup: &Setup, config: &Config, flights: &[FlightScore]) -> O
         return None;
     }
     let is_round = is_round(setup);
-    let probabilities = flights.iter().map(|it| probability(it, is_round));
+    let probabilities = flights.iter().map(|it| probability(features(it, is_round)));
     (!flights.is_empty()).then(|| probabilities.sum::<f64>() / flights.len() as f64)
 }
 
@@ -41,10 +38,18 @@ pub fn is_round(setup: &Setup) -> bool {
     object.mesh.aabb().size.min() > ROUND * 2.0 * object.bounding_radius_m
 }
 
-/// The probability that a throw is caught.
-pub fn probability(flight: &FlightScore, is_round: bool) -> f64 {
-    let lost = LOST[0] * libm::log(1e3 * flight.decision_sd_m) + LOST[1] * libm::log(1e3 * flight.closing_sd_m);
-    1.0 / (1.0 + libm::exp(lost - AT_1_MM[usize::from(!is_round)]))
+/// What the logit depends on: whether the object is a ball, whether it is another one, of which the
+/// orientation counts, too, and the logarithms of the standard deviations in millimetres at the decision and
+/// at the closing.
+pub fn features(flight: &FlightScore, is_round: bool) -> [f64; 4] {
+    let log_mm = |sd_m: f64| libm::log(1e3 * sd_m);
+    [f64::from(is_round), f64::from(!is_round), log_mm(flight.decision_sd_m), log_mm(flight.closing_sd_m)]
+}
+
+/// The probability that a throw of these features is caught.
+pub fn probability(features: [f64; 4]) -> f64 {
+    let logit: f64 = features.iter().zip(COEFFICIENTS).map(|(feature, coefficient)| feature * coefficient).sum();
+    1.0 / (1.0 + libm::exp(-logit))
 }
 
 #[cfg(test)]
@@ -56,10 +61,10 @@ mod tests {
     fn better_known_throws_are_caught_more_often() {
         let of = |mm: f64| FlightScore { shown_by_two_s: 0.0, decision_sd_m: 2e-3 * mm, closing_sd_m: 1e-3 * mm };
         for is_round in [false, true] {
-            let probabilities = [0.3, 1.0, 3.0, 10.0, 100.0].map(|mm| probability(&of(mm), is_round));
+            let probabilities = [0.3, 1.0, 3.0, 10.0, 100.0].map(|mm| probability(features(&of(mm), is_round)));
             assert!(probabilities.is_sorted_by(|a, b| a > b) && probabilities.iter().all(|it| (0.0..1.0).contains(it)));
         }
-        assert!(probability(&of(1.0), true) > probability(&of(1.0), false));
+        assert!(probability(features(&of(1.0), true)) > probability(features(&of(1.0), false)));
     }
 
     #[test]

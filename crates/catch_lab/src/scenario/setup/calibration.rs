@@ -18,7 +18,7 @@ use catch_sim::{
     cameras::DepthCameras,
     random_streams::{Draws, Stream},
 };
-use nalgebra::{Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix3x6, Matrix6, Point3, UnitQuaternion, Vector3};
 
 use super::{Knowledge, Setup};
 use crate::scenario::CalibrationSettings;
@@ -210,17 +210,34 @@ impl CalibratedCameras {
 
     /// Standard deviation along each axis of a place that all used cameras see.
     pub(super) fn position_sd_m(&self, p_W: &Point3<f64>) -> f64 {
-        // p = X·exp(ω, v)·p_C: a displacement of v + ω × p_C in C.
-        let variance = |(camera, found): (&CameraModel, &CameraCalibration)| {
-            let p_C = camera.X_WC.inverse_transform_point(p_W).coords;
-            let mut derivative = nalgebra::Matrix3x6::zeros();
-            derivative.fixed_view_mut::<3, 3>(0, 0).copy_from(&-p_C.cross_matrix());
-            derivative.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
-            (derivative * found.covariance * derivative.transpose()).trace() / 3.0
-        };
-        let variances: Vec<f64> = self.used().map(variance).collect();
+        let variances: Vec<f64> = self.used().map(|it| place_covariance(it, p_W).0.trace() / 3.0).collect();
         variances.iter().sum::<f64>().sqrt() / variances.len().max(1) as f64
     }
+
+    /// Standard deviation of the direction in which a used camera sees a place, about each axis across it,
+    /// that of the worst. A rotation that the camera's position makes up for there does not count.
+    pub(super) fn direction_sd_rad(&self, p_W: &Point3<f64>) -> f64 {
+        let sd = |it| {
+            let (covariance, p_C) = place_covariance(it, p_W);
+            let along = p_C.normalize();
+            let across = covariance.trace() - along.dot(&(covariance * along));
+            (across / 2.0).sqrt() / p_C.norm()
+        };
+        self.used().map(sd).fold(0.0, f64::max)
+    }
+}
+
+/// Covariance of a place as a calibrated camera sees it, and the place, in C.
+fn place_covariance(
+    (camera, found): (&CameraModel, &CameraCalibration),
+    p_W: &Point3<f64>,
+) -> (Matrix3<f64>, Vector3<f64>) {
+    // p = X·exp(ω, v)·p_C: a displacement of v + ω × p_C in C.
+    let p_C = camera.X_WC.inverse_transform_point(p_W).coords;
+    let mut derivative = Matrix3x6::zeros();
+    derivative.fixed_view_mut::<3, 3>(0, 0).copy_from(&-p_C.cross_matrix());
+    derivative.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
+    (derivative * found.covariance * derivative.transpose(), p_C)
 }
 
 /// Indices of the cameras whose calibration did not converge, unless it is all of them: a brain with others
@@ -336,6 +353,19 @@ mod tests {
         let first = CalibratedCameras { cameras: both.cameras[..1].to_vec(), found: both.found[..1].to_vec() };
         assert!((first.position_sd_m(&p_W) - (4e-6_f64 + 2.0 / 3.0 * 4e-6).sqrt()).abs() < 1e-12);
         assert!((both.rotation_sd_rad() - 1e-3).abs() < 1e-12);
+        // Across the line of sight both errors count: 2 mm, and 1 mrad of 2 m.
+        assert!((first.direction_sd_rad(&p_W) - 8e-6_f64.sqrt() / 2.0).abs() < 1e-12);
+        // A camera that moves as it turns sees what it was calibrated on where it is.
+        let about = Matrix6::from_fn(|row, column| match (row, column) {
+            (0, 0) | (1, 1) => 1e-6,
+            (3, 3) | (4, 4) => 4e-6,
+            (0, 4) | (4, 0) => 2e-6,
+            (1, 3) | (3, 1) => -2e-6,
+            _ => 0.0,
+        });
+        let mut turned = first.clone();
+        turned.found[0].covariance = about;
+        assert!(turned.direction_sd_rad(&p_W) < 1e-9 && turned.rotation_sd_rad() > 8e-4);
         assert!(both.position_sd_m(&p_W) < first.position_sd_m(&p_W));
         // One that did not converge is left out, unless there is no other one. Then it is no better than it
         // was believed to be before.

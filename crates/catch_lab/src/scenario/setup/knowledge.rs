@@ -36,11 +36,13 @@ impl Knowledge<'_> {
         let mut config = BrainSettings { seed: own_seed, ..self.settings.clone() };
         if let Some(calibrated) = calibrated {
             let p_WG = self.robot.gripper_pose(&self.robot.ready_q).translation.vector.into();
-            let (rotated_rad, systematic_m) = (&mut config.perception.camera_sd_rad, calibrated.position_sd_m(&p_WG));
-            *rotated_rad = rotated_rad.max(calibrated.rotation_sd_rad());
-            config.perception.uncalibrated_cameras = calibration::left_out(&calibrated.found);
+            let perception = &mut config.perception;
+            perception.uncalibrated_cameras = calibration::left_out(&calibrated.found);
+            // What an alignment on the arm may still find, and what it leaves away from the arm.
+            perception.camera_sd_rad = perception.camera_sd_rad.max(calibrated.direction_sd_rad(&p_WG));
             let prediction = &mut config.trajectory_prediction;
-            prediction.systematic_sd_m = prediction.systematic_sd_m.max(systematic_m);
+            prediction.correlated_sd_per_m.get_or_insert(calibrated.rotation_sd_rad());
+            prediction.systematic_sd_m = prediction.systematic_sd_m.max(calibrated.position_sd_m(&p_WG));
         }
         config.given(&self.object.figures, self.cameras)
     }
