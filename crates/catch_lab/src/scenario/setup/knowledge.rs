@@ -38,7 +38,8 @@ impl Knowledge<'_> {
             let p_WG = self.robot.gripper_pose(&self.robot.ready_q).translation.vector.into();
             let perception = &mut config.perception;
             perception.uncalibrated_cameras = calibration::left_out(&calibrated.found);
-            // What an alignment on the arm may still find, and what it leaves away from the arm.
+            // An alignment may turn a camera as far as its calibration leaves the arm's place open. Away from
+            // there the rotation counts that the calibration leaves.
             perception.camera_sd_rad = perception.camera_sd_rad.max(calibrated.direction_sd_rad(&p_WG));
             let prediction = &mut config.trajectory_prediction;
             prediction.correlated_sd_per_m.get_or_insert(calibrated.rotation_sd_rad());
