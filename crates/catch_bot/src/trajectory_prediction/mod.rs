@@ -48,9 +48,9 @@ pub struct Config {
     #[serde(deserialize_with = "quantity::error_m")]
     pub systematic_sd_m: f64,
     /// Standard deviation of an error that successive poses have in common, in metres for each metre between
-    /// the pose and the origin of W, where the arm stands. It follows from `perception.camera_sd_rad` if it is
-    /// not set.
-    #[serde(deserialize_with = "quantity::fraction")]
+    /// the pose and the origin of W, where the arm stands. It follows from `perception.camera_sd_rad` and is no
+    /// setting of a file.
+    #[serde(skip)]
     pub correlated_sd_per_m: Option<f64>,
     /// Standard deviation in metres of each coordinate by which the centre of mass may be beside that of the
     /// reference model, whose density is uniform; as the object's file says if it is not set.

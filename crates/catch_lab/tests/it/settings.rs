@@ -115,7 +115,6 @@ const ALL: &[(Where, &[&str], &str)] = &[
     (Honest, &[], "brain.trajectory_prediction.drag_prior_sd_per_m=0.1"),
     (Honest, &[], "brain.trajectory_prediction.spin_prior_sd_radps=1.0"),
     (Honest, &[], "brain.trajectory_prediction.systematic_sd_m=0.02"),
-    (Honest, &[], "brain.trajectory_prediction.correlated_sd_per_m=0.01"),
     (Honest, &[], "brain.trajectory_prediction.com_sd_m=0.01"),
     (Honest, &[], "brain.trajectory_prediction.aerodynamics.drag_deviation_sd_per_m=0.02"),
     (Honest, &[], "brain.trajectory_prediction.aerodynamics.magnus=0.01"),

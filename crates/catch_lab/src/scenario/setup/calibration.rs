@@ -202,12 +202,6 @@ impl CalibratedCameras {
         all.filter(move |(i, _)| !left_out.contains(i)).map(|(_, it)| it)
     }
 
-    /// Standard deviation that is claimed of a used camera's rotation about each axis, that of the worst.
-    pub(super) fn rotation_sd_rad(&self) -> f64 {
-        let sd = |it: &CameraCalibration| (it.covariance.fixed_view::<3, 3>(0, 0).trace() / 3.0).sqrt();
-        self.used().map(|(_, found)| sd(found)).fold(0.0, f64::max)
-    }
-
     /// Standard deviation along each axis of a place that all used cameras see.
     pub(super) fn position_sd_m(&self, p_W: &Point3<f64>) -> f64 {
         let variances: Vec<f64> = self.used().map(|it| place_covariance(it, p_W).0.trace() / 3.0).collect();
@@ -352,7 +346,6 @@ mod tests {
         let p_W = setup.cameras[0].X_WC * Point3::new(0.0, 0.0, 2.0);
         let first = CalibratedCameras { cameras: both.cameras[..1].to_vec(), found: both.found[..1].to_vec() };
         assert!((first.position_sd_m(&p_W) - (4e-6_f64 + 2.0 / 3.0 * 4e-6).sqrt()).abs() < 1e-12);
-        assert!((both.rotation_sd_rad() - 1e-3).abs() < 1e-12);
         // Across the line of sight both errors count: 2 mm, and 1 mrad of 2 m.
         assert!((first.direction_sd_rad(&p_W) - 8e-6_f64.sqrt() / 2.0).abs() < 1e-12);
         // A camera that moves as it turns sees what it was calibrated on where it is.
@@ -365,7 +358,7 @@ mod tests {
         });
         let mut turned = first.clone();
         turned.found[0].covariance = about;
-        assert!(turned.direction_sd_rad(&p_W) < 1e-9 && turned.rotation_sd_rad() > 8e-4);
+        assert!(turned.direction_sd_rad(&p_W) < 1e-9);
         assert!(both.position_sd_m(&p_W) < first.position_sd_m(&p_W));
         // One that did not converge is left out, unless there is no other one. Then it is no better than it
         // was believed to be before.
@@ -374,7 +367,8 @@ mod tests {
         assert!((failed.position_sd_m(&p_W) - first.position_sd_m(&p_W)).abs() < 1e-12);
         let alone = CalibratedCameras { cameras: both.cameras[1..].to_vec(), found: failed.found[1..].to_vec() };
         assert!(left_out(&alone.found).is_empty());
-        assert!((alone.rotation_sd_rad() - 0.3_f64.to_radians()).abs() < 1e-12);
+        let away_m = alone.cameras[0].X_WC.inverse_transform_point(&p_W).coords.norm();
+        assert!((alone.direction_sd_rad(&p_W) - 0.3_f64.to_radians().hypot(5e-3 / away_m)).abs() < 1e-12);
         // Nor is it moved.
         let found = [CalibrationStatus::Converged, CalibrationStatus::PoorFit].map(found);
         let calibrated = calibrated_cameras(&setup.cameras, &found);

@@ -38,11 +38,9 @@ impl Knowledge<'_> {
             let p_WG = self.robot.gripper_pose(&self.robot.ready_q).translation.vector.into();
             let perception = &mut config.perception;
             perception.uncalibrated_cameras = calibration::left_out(&calibrated.found);
-            // An alignment may turn a camera as far as its calibration leaves the arm's place open. Away from
-            // there the rotation counts that the calibration leaves.
+            // An alignment may turn a camera as far as its calibration leaves the arm's place open.
             perception.camera_sd_rad = perception.camera_sd_rad.max(calibrated.direction_sd_rad(&p_WG));
             let prediction = &mut config.trajectory_prediction;
-            prediction.correlated_sd_per_m.get_or_insert(calibrated.rotation_sd_rad());
             prediction.systematic_sd_m = prediction.systematic_sd_m.max(calibrated.position_sd_m(&p_WG));
         }
         config.given(&self.object.figures, self.cameras)
