@@ -56,8 +56,8 @@ pub struct Config {
     /// Depth noise of the cameras, as their data sheet has it; none if it is not set.
     pub depth_noise: Option<DepthNoise>,
     /// Standard deviation in radians of the direction in which a camera sees the arm, from how it is said to
-    /// stand: cameras are aligned on the arm that they see. A rotation that the camera's position makes up for
-    /// there does not count. Zero where cameras are known exactly.
+    /// stand: cameras are aligned on the arm that they see. A rotation that the camera's position makes up
+    /// for there does not count. Zero where cameras are known exactly.
     #[serde(deserialize_with = "quantity::error_rad")]
     pub camera_sd_rad: f64,
     /// True if the cameras see the floor, the plane z = 0; false if it is not set.

@@ -48,7 +48,7 @@ pub struct Config {
     #[serde(deserialize_with = "quantity::error_m")]
     pub systematic_sd_m: f64,
     /// Standard deviation of an error that successive poses have in common, in metres for each metre between
-    /// the pose and the origin of W, where the arm stands. It follows from `perception.camera_sd_rad` and is no
+    /// the pose and the origin of W, where the arm stands. It follows from `perception.camera_sd_rad`: no
     /// setting of a file.
     #[serde(skip)]
     pub correlated_sd_per_m: Option<f64>,
