@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// Coefficients of the [`features`] of a throw.
-pub const COEFFICIENTS: [f64; 4] = [3.14, 0.91, -0.44, -0.62];
+pub const COEFFICIENTS: [f64; 4] = [3.139, 0.910, -0.441, -0.618];
 /// A ball's narrowest extent is its diameter, to this fraction.
 const ROUND: f64 = 0.9;
 /// The probability that each throw is caught, averaged; none for other arms and hands, and for other times.
