@@ -368,7 +368,7 @@ mod tests {
         let alone = CalibratedCameras { cameras: both.cameras[1..].to_vec(), found: failed.found[1..].to_vec() };
         assert!(left_out(&alone.found).is_empty());
         let away_m = alone.cameras[0].X_WC.inverse_transform_point(&p_W).coords.norm();
-        assert!((alone.direction_sd_rad(&p_W) - 0.3_f64.to_radians().hypot(5e-3 / away_m)).abs() < 1e-12);
+        assert!((alone.direction_sd_rad(&p_W) - libm::hypot(0.3_f64.to_radians(), 5e-3 / away_m)).abs() < 1e-12);
         // Nor is it moved.
         let found = [CalibrationStatus::Converged, CalibrationStatus::PoorFit].map(found);
         let calibrated = calibrated_cameras(&setup.cameras, &found);
