@@ -381,10 +381,8 @@ quantities! {
     cosine COSINE = -1.0 to 1.0 "";
     /// Fractions of a limit that a plan may use.
     limit_scaling LIMIT_SCALING = 0.01 to 1.0 "";
-    /// Work of a search.
     /// Densities of white noise of an acceleration.
     noise_density NOISE_DENSITY = 0.0 to 1000.0 "";
-    /// Times within a life of many throws.
     /// Factors.
     factor FACTOR = 0.0 to 1000.0 "";
     /// Metres per unit of a file.

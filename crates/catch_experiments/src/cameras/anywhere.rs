@@ -114,15 +114,20 @@ fn of_rig(rig: u64, options: &Options) -> Result<Vec<(&'static str, &'static str
     all.collect()
 }
 
+/// The probability that is expected of a throw.
+fn expected(thrown: &Thrown) -> f64 {
+    expected_rate::probability(&expected_rate::COEFFICIENTS, &thrown.features)
+}
+
 /// Rates of some throws: caught, expected, and caught of those that two cameras see long enough.
 fn figures<'a>(thrown: impl Iterator<Item = &'a Thrown>) -> Vec<Entry> {
     let thrown: Vec<&Thrown> = thrown.collect();
     let seen: Vec<&&Thrown> = thrown.iter().filter(|it| it.shown_by_two_s >= SEEN_S).collect();
-    let expected: f64 = thrown.iter().map(|it| expected_rate::probability(it.features)).sum();
+    let sum: f64 = thrown.iter().map(|it| expected(it)).sum();
     vec![
         Entry::Count(thrown.len()),
         rate(thrown.iter().filter(|it| it.caught).count(), thrown.len()),
-        Entry::Number((!thrown.is_empty()).then(|| 100.0 * expected / thrown.len() as f64)),
+        Entry::Number((!thrown.is_empty()).then(|| 100.0 * sum / thrown.len() as f64)),
         percent(seen.len(), thrown.len()),
         rate(seen.iter().filter(|it| it.caught).count(), seen.len()),
     ]
@@ -153,7 +158,7 @@ pub fn tables(options: &Options) -> Result<Vec<Table>> {
     let mut reliability = Table::new("Expected and found", &["expected", "throws", "expected, %", "found, %"]);
     for bin in 0..BINS {
         let those = thrown().flat_map(|it| &it.2).filter(|it| {
-            let expected = expected_rate::probability(it.features);
+            let expected = expected(it);
             ((expected * BINS as f64) as usize).min(BINS - 1) == bin
         });
         let [from, to] = [bin, bin + 1].map(|it| 100 * it / BINS);
@@ -182,7 +187,7 @@ fn regression(thrown: &[&Thrown]) -> Vector4<f64> {
         let (mut gradient, mut curvature) = (Vector4::zeros(), Matrix4::identity() * RIDGE);
         for it in thrown {
             let features = Vector4::from(it.features);
-            let probability = 1.0 / (1.0 + libm::exp(-features.dot(&coefficients)));
+            let probability = expected_rate::probability(&coefficients.into(), &it.features);
             gradient += features * (f64::from(it.caught) - probability);
             curvature += features * features.transpose() * (probability * (1.0 - probability));
         }

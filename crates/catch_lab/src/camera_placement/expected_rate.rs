@@ -28,7 +28,7 @@ pub(super) fn rate(setup: &Setup, config: &Config, flights: &[FlightScore]) -> O
         return None;
     }
     let is_round = is_round(setup);
-    let probabilities = flights.iter().map(|it| probability(features(it, is_round)));
+    let probabilities = flights.iter().map(|it| probability(&COEFFICIENTS, &features(it, is_round)));
     (!flights.is_empty()).then(|| probabilities.sum::<f64>() / flights.len() as f64)
 }
 
@@ -47,8 +47,8 @@ pub fn features(flight: &FlightScore, is_round: bool) -> [f64; 4] {
 }
 
 /// The probability that a throw of these features is caught.
-pub fn probability(features: [f64; 4]) -> f64 {
-    let logit: f64 = features.iter().zip(COEFFICIENTS).map(|(feature, coefficient)| feature * coefficient).sum();
+pub fn probability(coefficients: &[f64; 4], features: &[f64; 4]) -> f64 {
+    let logit: f64 = features.iter().zip(coefficients).map(|(feature, coefficient)| feature * coefficient).sum();
     1.0 / (1.0 + libm::exp(-logit))
 }
 
@@ -60,11 +60,12 @@ mod tests {
     #[test]
     fn better_known_throws_are_caught_more_often() {
         let of = |mm: f64| FlightScore { shown_by_two_s: 0.0, decision_sd_m: 2e-3 * mm, closing_sd_m: 1e-3 * mm };
+        let at = |mm: f64, is_round| probability(&COEFFICIENTS, &features(&of(mm), is_round));
         for is_round in [false, true] {
-            let probabilities = [0.3, 1.0, 3.0, 10.0, 100.0].map(|mm| probability(features(&of(mm), is_round)));
+            let probabilities = [0.3, 1.0, 3.0, 10.0, 100.0].map(|mm| at(mm, is_round));
             assert!(probabilities.is_sorted_by(|a, b| a > b) && probabilities.iter().all(|it| (0.0..1.0).contains(it)));
         }
-        assert!(probability(features(&of(1.0), true)) > probability(features(&of(1.0), false)));
+        assert!(at(1.0, true) > at(1.0, false));
     }
 
     #[test]
