@@ -199,7 +199,8 @@ impl ObjectFinder {
     }
 
     /// Finds the object at one of the places where something is that was not there before. A thing that no
-    /// orientation of the object explains, such as a hand, is another one.
+    /// orientation of the object explains, such as a hand, is another one, and so is a thing without an
+    /// outline, such as a cable on the arm: some pose fits to any few points.
     fn find_anywhere(
         &mut self,
         view: &View<'_>,
@@ -213,7 +214,9 @@ impl ObjectFinder {
             let Some(place) = self.workspace.detector.next_place(view, &self.reference, &self.config) else { break };
             match self.find_near(view, &Prior::Place(Pose::from_parts(place.coords.into(), R_WO)), register) {
                 Err(fault) => status = fault,
-                Ok(pose) if !pose.is_explained() => status = PerceptionStatus::NotConverged,
+                Ok(pose) if self.workspace.scene.silhouette.is_empty() || !pose.is_explained() => {
+                    status = PerceptionStatus::NotConverged;
+                }
                 Ok(pose) if best.is_none_or(|it| pose.silhouette_mismatch < it.silhouette_mismatch) => {
                     best = Some(pose);
                 }
