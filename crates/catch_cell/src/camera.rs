@@ -130,6 +130,12 @@ impl PixelWindow {
         self.width as usize * self.height as usize
     }
 
+    /// Returns whether a point of the image, in pixels, lies in the window.
+    pub fn contains(&self, uv: &Point2<f64>) -> bool {
+        let within = |at: f64, range: Range<u32>| at >= f64::from(range.start) && at < f64::from(range.end);
+        within(uv.x, self.columns()) && within(uv.y, self.rows())
+    }
+
     /// Image coordinates of the centre of the `index`-th pixel, row by row.
     pub fn pixel_centre(&self, index: usize) -> Point2<f64> {
         let width = self.width as usize;

@@ -10,6 +10,7 @@ use super::{
     half_turns::{COMPARED_AFTER, HalfTurns},
     point_cloud::SceneCloud,
     registration::{Fit, MIN_POINTS, Registration},
+    segmentation::Label,
     silhouette::SILHOUETTE_ABOVE_M,
     view::{Prior, View},
 };
@@ -134,6 +135,10 @@ pub const GATE_M: f64 = 0.05;
 /// Places at which an object that is not tracked is looked for in one set of images.
 const MOST_PLACES: usize = 3;
 
+/// Least fraction of an object that is found anew which its images show: the rest is beside what was found, or
+/// hidden by what stands before it.
+const LEAST_SHOWN: f64 = 0.5;
+
 /// A pose explains images much better than another if its mismatch is less than this fraction.
 const MUCH_BETTER: f64 = 0.6;
 
@@ -199,8 +204,8 @@ impl ObjectFinder {
     }
 
     /// Finds the object at one of the places where something is that was not there before. A thing that no
-    /// orientation of the object explains, such as a hand, is another one, and so is a thing without an
-    /// outline, such as a cable on the arm: some pose fits to any few points.
+    /// orientation of the object explains, such as a hand, is another one, and so is a thing of which most of
+    /// the object would have to be hidden, such as a cable on the arm: some pose fits to any few points.
     fn find_anywhere(
         &mut self,
         view: &View<'_>,
@@ -214,7 +219,7 @@ impl ObjectFinder {
             let Some(place) = self.workspace.detector.next_place(view, &self.reference, &self.config) else { break };
             match self.find_near(view, &Prior::Place(Pose::from_parts(place.coords.into(), R_WO)), register) {
                 Err(fault) => status = fault,
-                Ok(pose) if self.workspace.scene.silhouette.is_empty() || !pose.is_explained() => {
+                Ok(pose) if !pose.is_explained() || self.shown_fraction(view, &pose.X_WO) < LEAST_SHOWN => {
                     status = PerceptionStatus::NotConverged;
                 }
                 Ok(pose) if best.is_none_or(|it| pose.silhouette_mismatch < it.silhouette_mismatch) => {
@@ -224,6 +229,24 @@ impl ObjectFinder {
             }
         }
         best.ok_or(status)
+    }
+
+    /// Fraction of the reference's points, seen in `X_WO`, at whose pixels the last scene shows the object.
+    /// Images in which none of it was found do not count.
+    fn shown_fraction(&self, view: &View<'_>, X_WO: &Pose) -> f64 {
+        let (mut shown, mut all) = (0_usize, 0_usize);
+        for (index, frame) in view.seen() {
+            let Some(label) = self.workspace.scene.label_in(index, frame) else { continue };
+            let Some(camera) = view.cameras.get(frame.camera) else { continue };
+            let X_CO = camera.X_WC.inverse() * view.in_image(frame, X_WO);
+            let pixels = self.reference.points.iter().filter_map(|p_O| camera.project(&(X_CO * p_O)));
+            for uv in pixels.filter(|uv| frame.window.contains(uv)) {
+                all += 1;
+                let [column, row] = [uv.x as u32 - frame.window.left, uv.y as u32 - frame.window.top];
+                shown += usize::from(label(column as usize, row as usize) == Label::Object);
+            }
+        }
+        shown as f64 / all.max(1) as f64
     }
 
     /// Collects what may be the object where it is expected, and its silhouette where depths are noisy.

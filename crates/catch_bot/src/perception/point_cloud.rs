@@ -145,7 +145,7 @@ impl SceneCloud {
                     let search = Search { frame, part: &part, background: &background, expected: &expected, config };
                     let pixels = search.label(&mut self.labels);
                     labelled = Some((part, from));
-                    image.collect(points, &pixels, config, label_in(frame, &part, &self.labels[from..]));
+                    image.collect(points, &pixels, config, label_in(frame, part, &self.labels[from..]));
                     pixels
                 }
                 _ => continue,
@@ -178,7 +178,7 @@ impl SceneCloud {
                 }
                 (None, Some((part, from))) => {
                     let labels = &self.labels[from..from + part.area()];
-                    let label = label_in(frame, &part, labels);
+                    let label = label_in(frame, part, labels);
                     self.silhouette.collect(frame.window, camera, &shown.pixels, config.edge_px(), label);
                 }
                 (None, None) => {}
@@ -190,6 +190,12 @@ impl SceneCloud {
     pub fn labels_of(&self, frame: usize) -> Option<(PixelWindow, &[Label])> {
         let shown = self.shown.iter().find(|shown| shown.frame == frame)?;
         shown.labelled.map(|(part, from)| (part, &self.labels[from..from + part.area()]))
+    }
+
+    /// The labels of a frame without mask, by column and row in it, if it shows the object.
+    pub(super) fn label_in(&self, frame: usize, image: &DepthFrame) -> Option<impl Fn(usize, usize) -> Label> {
+        let (part, labels) = self.labels_of(frame)?;
+        Some(label_in(image, part, labels))
     }
 
     /// Mean standard deviation of the points' depths, as told, in metres.
@@ -214,7 +220,7 @@ impl SceneCloud {
 
 /// Returns the label of the pixel at a column and row of a frame, whose part `part` has these `labels`;
 /// elsewhere it is unknown.
-fn label_in(frame: &DepthFrame, part: &PixelWindow, labels: &[Label]) -> impl Fn(usize, usize) -> Label {
+fn label_in(frame: &DepthFrame, part: PixelWindow, labels: &[Label]) -> impl Fn(usize, usize) -> Label {
     let [left, top] = [part.left - frame.window.left, part.top - frame.window.top].map(|offset| offset as usize);
     let (wide, high) = (part.width as usize, part.height as usize);
     move |column, row| {
