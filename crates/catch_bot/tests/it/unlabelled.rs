@@ -238,3 +238,34 @@ fn what_the_first_images_show_is_background() {
         }
     }
 }
+
+/// Cables and covers rise from links, and some pose of the object fits to the few pixels of them that show.
+#[test]
+fn what_rises_from_the_arm_is_not_the_object() {
+    let (robot, gripper) = arm();
+    let surface = ArmSurface::new(&robot, &gripper);
+    let surroundings = Surroundings { arm: &surface, X_WL: robot.link_poses(&robot.ready_q), width_m: 0.1 };
+    let cameras = synthetic::flight_rig();
+    let reference = Arc::new(synthetic::reference(&Shape::banana(), 200));
+    let noise = Noise::Constant(0.005);
+    let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
+    let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
+    let config = Config { depth_noise, ..Config::default() };
+    let windows: Vec<PixelWindow> = cameras.iter().map(CameraModel::full_window).collect();
+    let scene = Scene { cameras: &cameras, surroundings, config: &config, noise };
+    let mut shown = 0;
+    for (link, X_WL) in surroundings.X_WL.iter().enumerate() {
+        for beside in [-0.05, 0.05] {
+            let mut normal = Normal::new(link as u64);
+            let X_WS = X_WL * Pose::translation(0.0, beside, 0.0);
+            let (frames, truth) = scene.frames(&Shape::Sphere { radius: 0.06 }, &X_WS, &windows, &mut normal);
+            shown += usize::from(truth.iter().flatten().filter(|shows| **shows).count() > 10);
+            let all = vec![surroundings; cameras.len()];
+            let view = View { frames: &frames, cameras: &cameras, surroundings: &all, ..View::default() };
+            let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), Workspace::default());
+            let found = estimator.estimate(&view, Prior::Anywhere);
+            assert!(found.is_err(), "link {link}, {beside} m: {found:?}");
+        }
+    }
+    assert!(shown > 4, "{shown}");
+}
