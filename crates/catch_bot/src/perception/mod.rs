@@ -9,6 +9,7 @@ pub mod camera_alignment;
 pub mod camera_health;
 pub mod camera_offsets;
 mod common_noise;
+mod depth_plane;
 mod detection;
 mod distance_field;
 mod edge_growth;

@@ -27,7 +27,12 @@ impl NormalEquations {
     /// slope of its cost.
     #[inline]
     pub fn add(&mut self, p_O: &Point3<f64>, n_O: &Vector3<f64>, curvature: f64, slope: f64) {
-        let J = jacobian(p_O, n_O);
+        self.add_row(&jacobian(p_O, n_O), curvature, slope);
+    }
+
+    /// Adds a residual whose gradient is given.
+    #[inline]
+    pub fn add_row(&mut self, J: &[f64; 6], curvature: f64, slope: f64) {
         let mut at = 0;
         for i in 0..6 {
             self.gradient[i] += slope * J[i];

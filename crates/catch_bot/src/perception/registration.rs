@@ -6,10 +6,11 @@
 //! (Fitzgibbon, Robust registration of 2D and 3D point sets, 2003).
 
 use catch_body::Pose;
-use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector6};
 
 use super::{
     Config, PerceptionStatus, ReferenceModel, common_noise,
+    depth_plane::DepthPlane,
     normal_equations::{CommonError, MEAN_SQUARE, NormalEquations, Sums},
     point_cloud::{PointResidual, SceneCloud, ScenePoint},
     reference::MODEL_SD_M,
@@ -46,9 +47,8 @@ const HOPELESS_RADII: f64 = 0.5;
 /// A point's variance of its own is this fraction of all of it or more, whatever the points of an image have
 /// in common.
 const LEAST_OWN: f64 = 1e-3;
-/// Mean distance of the visible surface in front of an object's centre, in inner radii: two thirds for a
-/// ball.
-const FACING_RADII: f64 = 2.0 / 3.0;
+/// A tilt of depths whose mean square is this many times a silhouette's is as unlikely as that.
+const MOST_TILTED: f64 = 3.0;
 /// Silhouettes in so many images tell how far away an object is.
 const ENOUGH_SILHOUETTES: usize = 3;
 /// Steps that turn back and do not get shorter jump to and fro across a kink of the field, later ones that do
@@ -134,6 +134,8 @@ impl Pace {
 struct Summed {
     on_points: Sums,
     on_rays: Sums,
+    /// Mean square of the tilt of depths that show no shape, in standard deviations.
+    tilted: f64,
     equations: NormalEquations,
 }
 
@@ -156,9 +158,10 @@ impl Summed {
             silhouette_residual_m: (!silhouette.is_empty())
                 .then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
             points_mismatch: has_shape.then(|| on_points.squares / weight),
-            silhouette_mismatch: (!silhouette.is_empty()).then(|| silhouette.mean_square()),
+            silhouette_mismatch: (!silhouette.is_empty()).then(|| silhouette.mean_square().max(self.tilted / MOST_TILTED)),
             robust_cost: robust_cost(on_points, depths.residuals.len(), LEAST_MEAN_M)
-                + robust_cost(on_rays, silhouette.len(), LEAST_MEAN_PX * silhouette.pixel_m()),
+                + robust_cost(on_rays, silhouette.len(), LEAST_MEAN_PX * silhouette.pixel_m())
+                + 2.0 * self.tilted,
             iterations: 0,
         }
     }
@@ -246,7 +249,7 @@ impl<'a> Registration<'a> {
         let mut scales =
             Scales { points: typical(&on_points), silhouette: silhouette.typical_violation(f64::INFINITY).max(1.0) };
         silhouette.choose(0.0, scales.silhouette);
-        let mut summed = Summed { on_points: Sums::ZERO, on_rays: Sums::ZERO, equations: NormalEquations::ZERO };
+        let mut summed = Summed { on_points: Sums::ZERO, on_rays: Sums::ZERO, tilted: 0.0, equations: NormalEquations::ZERO };
         let mut pace = Pace::NEW;
         while pace.iterations < max_iterations && !pace.at_rest {
             if pace.iterations > 0 {
@@ -286,33 +289,21 @@ impl<'a> Registration<'a> {
         scales.points = typical(&on_points);
         let mut equations = on_rays.equations;
         equations.add_scaled(&on_points.equations, scales.points.powi(-2));
-        self.add_mean_depths(&mut equations, depths, X_WO);
-        Summed { on_points, on_rays, equations }
+        let tilted = self.add_planes(&mut equations, depths, X_WO);
+        Summed { on_points, on_rays, tilted, equations }
     }
 
-    /// Adds the mean depth of each image whose single depths do not show the object's shape: it measures the
-    /// object's distance. The silhouettes of several images measure that much better.
-    fn add_mean_depths(&self, equations: &mut NormalEquations, depths: &Depths<'_>, X_WO: &Pose) {
-        let Some(common_fraction) = self.config.depth_common_fraction else { return };
+    /// Adds the plane through the depths of each image whose single depths do not show the object's shape, and
+    /// returns the mean square by which they are tilted otherwise, in standard deviations. The silhouettes of
+    /// several images tell more.
+    fn add_planes(&self, equations: &mut NormalEquations, depths: &Depths<'_>, X_WO: &Pose) -> f64 {
+        let Some(common_fraction) = self.config.depth_common_fraction else { return 0.0 };
         if depths.residuals.len() == depths.points.len() || depths.images().count() >= ENOUGH_SILHOUETTES {
-            return;
+            return 0.0;
         }
-        let (R_OW, inner_radius_m) = (X_WO.rotation.inverse(), self.reference.inner_radius_m);
-        for image in depths.images().filter(|image| !depths.has_shape(image)) {
-            let count = image.len() as f64;
-            let sum =
-                |value: &dyn Fn(&ScenePoint) -> Vector3<f64>| image.iter().map(value).sum::<Vector3<f64>>() / count;
-            let (p_W, ray_W) = (sum(&|it| it.p_W.coords), sum(&|it| it.per_depth_W));
-            let depth_sd_m = mean_sd_m(image);
-            let direction_W = ray_W.normalize();
-            // The visible side of a ball lies two thirds of its radius before its centre, on average.
-            let beyond_m = direction_W.dot(&(p_W - X_WO.translation.vector)) + FACING_RADII * inner_radius_m;
-            let own_fraction = (1.0 - common_fraction) / count;
-            let variance_m2 = ray_W.norm_squared() * depth_sd_m.powi(2) * (common_fraction + own_fraction)
-                + (0.5 * inner_radius_m).powi(2);
-            let n_O = R_OW * direction_W;
-            equations.add(&nalgebra::Point3::origin(), &n_O, 1.0 / variance_m2, beyond_m / variance_m2);
-        }
+        let shapeless = depths.images().filter(|image| !depths.has_shape(image));
+        let planes = shapeless.map(|image| DepthPlane::new(image, self.reference, common_fraction));
+        planes.map(|plane| plane.add_to(equations, self.reference, X_WO)).sum()
     }
 
     /// Sums over the points. The error that the depths of each image have in common is eliminated.
