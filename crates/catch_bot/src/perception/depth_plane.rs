@@ -93,3 +93,75 @@ impl DepthPlane {
         0.5 * residual.norm_squared() / self.tilt_m2
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use catch_body::Pose;
+    use nalgebra::{Point3, UnitQuaternion};
+
+    use super::*;
+    use crate::perception::synthetic::{self, Shape};
+
+    /// Points of the side of an ellipsoid that a camera far above sees, in W.
+    fn visible(X_WO: &Pose, semi_axes: [f64; 3]) -> Vec<ScenePoint> {
+        let ray_W = Vector3::new(0.0, 0.0, -1.0);
+        let shape = nalgebra::Matrix3::from_diagonal(&Vector3::from(semi_axes.map(|it| it.powi(-2))));
+        let A = X_WO.rotation.to_rotation_matrix() * shape * X_WO.rotation.inverse().to_rotation_matrix();
+        let pixels = (-60..=60).flat_map(|i| (-60..=60).map(move |j| (2e-3 * f64::from(i), 2e-3 * f64::from(j))));
+        pixels
+            .filter_map(|(x, y)| {
+                // The higher of both places at which xᵀ·A·x = 1.
+                let across = Vector3::new(x, y, 0.0);
+                let (a, b) = (A[(2, 2)], (A * across).z);
+                let root = b * b - a * (across.dot(&(A * across)) - 1.0);
+                let z = (root >= 0.0).then(|| (root.sqrt() - b) / a)?;
+                let p_W = Point3::from(across + Vector3::z() * z + X_WO.translation.vector);
+                Some(ScenePoint { p_W, per_depth_W: ray_W, depth_sd_m: 0.01, image: 0 })
+            })
+            .collect()
+    }
+
+    fn tilted(about_x_rad: f64) -> Pose {
+        Pose::from_parts(nalgebra::Translation3::new(0.1, -0.2, 1.0), UnitQuaternion::new(Vector3::x() * about_x_rad))
+    }
+
+    fn ellipsoid() -> ReferenceModel {
+        let mut reference = synthetic::reference(&Shape::Sphere { radius: 0.02 }, 200);
+        reference.second_moment_m2 =
+            nalgebra::Matrix3::from_diagonal(&Vector3::new(0.02, 0.03, 0.1).map(|it| it * it / 5.0));
+        reference
+    }
+
+    #[test]
+    fn the_visible_side_of_an_ellipsoid_is_as_tilted_as_its_middle() {
+        let reference = ellipsoid();
+        for about_x_rad in [0.3, 1.0, -0.7] {
+            let X_WO = tilted(about_x_rad);
+            let plane = DepthPlane::new(&visible(&X_WO, [0.02, 0.03, 0.1]), &reference, 0.5);
+            let mut equations = NormalEquations::ZERO;
+            let right = plane.add_to(&mut equations, &reference, &X_WO);
+            let reversed = plane.add_to(&mut equations, &reference, &tilted(-about_x_rad));
+            assert!(right < 0.1 && reversed > 10.0, "{about_x_rad}: {right}, {reversed}");
+        }
+    }
+
+    /// The gradient is that of the cost, by finite differences.
+    #[test]
+    fn the_gradient_is_that_of_the_cost() {
+        let reference = ellipsoid();
+        let plane = DepthPlane::new(&visible(&tilted(0.8), [0.02, 0.03, 0.1]), &reference, 0.5);
+        let X_WO = tilted(0.5) * Pose::rotation(Vector3::new(0.1, 0.2, -0.3));
+        let cost = |turn: Vector3<f64>| {
+            let mut equations = NormalEquations::ZERO;
+            plane.add_to(&mut equations, &reference, &(X_WO * Pose::rotation(turn)))
+        };
+        let mut equations = NormalEquations::ZERO;
+        plane.add_to(&mut equations, &reference, &X_WO);
+        let gradient = equations.projected(&nalgebra::Matrix3::identity()).1;
+        for axis in 0..3 {
+            let step = Vector3::ith(axis, 1e-6);
+            let found = (cost(step) - cost(-step)) / 2e-6;
+            assert!((found - gradient[axis]).abs() < 1e-4 * gradient.norm(), "{axis}: {found} {gradient}");
+        }
+    }
+}

@@ -158,7 +158,8 @@ impl Summed {
             silhouette_residual_m: (!silhouette.is_empty())
                 .then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
             points_mismatch: has_shape.then(|| on_points.squares / weight),
-            silhouette_mismatch: (!silhouette.is_empty()).then(|| silhouette.mean_square().max(self.tilted / MOST_TILTED)),
+            silhouette_mismatch: (!silhouette.is_empty())
+                .then(|| silhouette.mean_square().max(self.tilted / MOST_TILTED)),
             robust_cost: robust_cost(on_points, depths.residuals.len(), LEAST_MEAN_M)
                 + robust_cost(on_rays, silhouette.len(), LEAST_MEAN_PX * silhouette.pixel_m())
                 + 2.0 * self.tilted,
@@ -249,7 +250,8 @@ impl<'a> Registration<'a> {
         let mut scales =
             Scales { points: typical(&on_points), silhouette: silhouette.typical_violation(f64::INFINITY).max(1.0) };
         silhouette.choose(0.0, scales.silhouette);
-        let mut summed = Summed { on_points: Sums::ZERO, on_rays: Sums::ZERO, tilted: 0.0, equations: NormalEquations::ZERO };
+        let mut summed =
+            Summed { on_points: Sums::ZERO, on_rays: Sums::ZERO, tilted: 0.0, equations: NormalEquations::ZERO };
         let mut pace = Pace::NEW;
         while pace.iterations < max_iterations && !pace.at_rest {
             if pace.iterations > 0 {
@@ -456,6 +458,8 @@ fn with_floor(information: &Matrix6<f64>) -> Matrix6<f64> {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
     use crate::perception::{reference::DISTANCE_GRID_M, synthetic};
 
