@@ -14,14 +14,14 @@ use crate::assets::{Asset, Kind, nearest};
 use catch_recording::{brain::BrainSettings, whole_file::COMMAND_LINE};
 
 /// Time that the computation of a command costs.
+#[quantity::checked(rename_all = "snake_case")]
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
 pub enum Clock {
     /// Nothing, as in the paper: a command arrives at the instant of what it answers.
     #[default]
     Free,
     /// A constant time in milliseconds.
-    FixedMs(#[serde(deserialize_with = "quantity::latency_ms")] f64),
+    FixedMs(quantity::latency_ms),
     /// The wall time of the brain's tick on this machine. The only clock with which a trial is not the same
     /// every time.
     Charged,
@@ -41,8 +41,8 @@ impl Clock {
 
 /// A scenario's file: a composition of each module's own settings. What it does not say is that of the
 /// scenario which it names as `extends`, or else the module's default.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Scenario {
     /// Name. Results call a scenario by its file's name, and by what is different from the file.
     pub name: String,
@@ -64,12 +64,10 @@ pub struct Scenario {
     /// Throw that is used by default.
     pub throw: String,
     /// Joint positions in radians where the arm waits; the robot's own ready pose if left out.
-    #[serde(default, deserialize_with = "quantity::angle_rad")]
-    pub ready_rad: Option<Vec<f64>>,
+    pub ready_rad: quantity::angle_rad<Option<Vec<f64>>>,
     /// Joint positions in radians in which the gripper opens to put down what was caught; needed where a
     /// brain lives for many throws.
-    #[serde(default, deserialize_with = "quantity::angle_rad")]
-    pub place_rad: Option<Vec<f64>>,
+    pub place_rad: quantity::angle_rad<Option<Vec<f64>>>,
     /// Multiplies the arm's limits. Anything but 1, the default, is not the real arm, and the scenario's name
     /// should say so.
     #[serde(default)]
@@ -100,18 +98,15 @@ pub struct Scenario {
 /// A calibration before all throws of a seed: the cameras stand where the rig's file says, and are believed
 /// to stand elsewhere until the arm has calibrated them. The brain has what comes out, and what is claimed of
 /// it.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct CalibrationSettings {
     /// Standard deviation of what is believed before, along each axis of a camera, in metres.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub position_sd_m: f64,
+    pub position_sd_m: quantity::error_m,
     /// Standard deviation of the rotation believed before, about each axis of a camera, in degrees.
-    #[serde(deserialize_with = "quantity::error_deg")]
-    pub rotation_sd_deg: f64,
+    pub rotation_sd_deg: quantity::error_deg,
     /// Poses of the arm, at most.
-    #[serde(deserialize_with = "quantity::poses")]
-    pub poses: usize,
+    pub poses: quantity::poses<usize>,
 }
 
 impl Default for CalibrationSettings {
