@@ -401,8 +401,6 @@ quantities! {
     latency_s LATENCY_S = 0.0 to 0.5 "s, a time within a flight";
     /// Times that something takes within a flight, in milliseconds.
     latency_ms LATENCY_MS = 0.0 to 500.0 "ms, a time within a flight";
-    /// Times by which a robot controller may be off.
-    controller_time_s CONTROLLER_TIME_S = 0.0 to 0.05 "s";
     /// Times of flight, within that of a trial.
     flight_s FLIGHT_S = 0.1 to 1.9 "s";
     /// Steps of a simulation.

@@ -56,15 +56,13 @@ pub struct LimitScale {
     pub velocity: quantity::limit_factor,
     /// Factor on accelerations.
     pub acceleration: quantity::limit_factor,
-    /// Factor on torques.
-    pub torque: quantity::limit_factor,
     /// Factor on jerks, where the arm states them.
     pub jerk: quantity::limit_factor,
 }
 
 impl Default for LimitScale {
     fn default() -> Self {
-        Self { velocity: 1.0, acceleration: 1.0, torque: 1.0, jerk: 1.0 }
+        Self { velocity: 1.0, acceleration: 1.0, jerk: 1.0 }
     }
 }
 
@@ -228,7 +226,6 @@ impl Robot {
             joint.limits.velocity *= by.velocity;
             joint.velocity_table = joint.velocity_table.take().map(|it| it.scaled(by.velocity));
             joint.limits.acceleration *= by.acceleration;
-            joint.limits.torque *= by.torque;
             joint.limits.jerk = joint.limits.jerk.map(|jerk| jerk * by.jerk);
         }
         self

@@ -85,7 +85,8 @@ impl Channel for GroundTruth {
 /// Returns the cell that the brain of throw number `index` of `seed` is made from.
 pub fn cell(setup: &Setup, seed: u64, index: u64) -> RecordedCell {
     RecordedCell {
-        brain: setup.brain_config(seed, index),
+        seed: setup.brain_seed(seed, index),
+        brain: setup.brain_config(seed),
         sources: setup.sources.clone(),
         ready_rad: setup.robot.ready_q.as_slice()[..setup.robot.dof()].to_vec(),
         cameras: setup.believed_cameras(seed),

@@ -142,14 +142,6 @@ impl Scenario {
     /// ranges, values that do not fit together.
     pub fn faults(&self, file: &str) -> Vec<InputError> {
         let mut faults = self.arena.faults(file, "arena");
-        if self.brain.seed != 0 {
-            faults.push(InputError::new(
-                file,
-                "brain.seed",
-                self.brain.seed,
-                "nothing: every trial has its own, from --seed",
-            ));
-        }
         let depth = &self.arena.depth;
         if self.calibration.is_some() && (depth.calibration_sd_m > 0.0 || depth.calibration_sd_rad > 0.0) {
             let found = depth.calibration_sd_m.max(depth.calibration_sd_rad);

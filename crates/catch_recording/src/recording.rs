@@ -57,6 +57,8 @@ pub struct Header<Simulation> {
 #[quantity::checked]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedCell {
+    /// Seed of everything that the brain draws at random.
+    pub seed: u64,
     /// The brain's settings as it was given them.
     pub brain: BrainSettings,
     /// Texts of robot and gripper.

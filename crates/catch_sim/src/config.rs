@@ -135,14 +135,9 @@ pub struct RobotErrors {
 #[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct RobotController {
-    /// The time stamps of the arm's states are off by up to this, uniformly, in seconds.
-    pub stamp_error_s: quantity::controller_time_s,
-    /// True if the arm's state is reported in single precision.
-    pub single_precision: bool,
-    /// Lag with which the controller follows each point of a trajectory, in seconds.
-    pub interpolator_lag_s: quantity::controller_time_s,
-    /// Trajectories that it declines at random, as a fraction of all.
-    pub declined_fraction: quantity::fraction,
+    /// True for time stamps that are off by up to 0.5 ms, states in single precision, a lag of 2 ms behind
+    /// each point of a trajectory, and every tenth trajectory declined, at random.
+    pub inexact: bool,
     /// True if the controller takes trajectories that jump at their start or do not end at rest, as the
     /// paper's do.
     pub takes_jumps: bool,
