@@ -340,7 +340,6 @@ mod tests {
             ("brain.perception.camera_sd_rad=inf", "brain.perception.camera_sd_rad: found inf"),
             ("ready_rad=[0, 0, 0, 0, 0, 0, inf]", "ready_rad[6]: found inf, expected a finite number"),
             ("brain.trajectory_optimization.terminal_velocity_scaling=1.5", "0.01 to 1"),
-            ("brain.seed=7", "--seed"),
         ] {
             let fault = set(&[setting]).unwrap_err().to_string();
             assert!(fault.contains(expected), "{fault}");
