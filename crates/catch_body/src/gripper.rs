@@ -16,41 +16,31 @@ use crate::{
 };
 
 /// Geometry, masses and limits of a parallel gripper, as its file gives them.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Gripper {
     /// Name.
     pub name: String,
     /// Mass of the housing without fingers, in kg.
-    #[serde(deserialize_with = "quantity::part_mass_kg")]
-    pub body_mass_kg: f64,
+    pub body_mass_kg: quantity::part_mass_kg,
     /// Extents of the housing, a box around the origin of G.
-    #[serde(deserialize_with = "quantity::size_m")]
-    pub body_size_m: [f64; 3],
+    pub body_size_m: quantity::size_m<[f64; 3]>,
     /// Mass of one finger, in kg.
-    #[serde(deserialize_with = "quantity::part_mass_kg")]
-    pub finger_mass_kg: f64,
+    pub finger_mass_kg: quantity::part_mass_kg,
     /// Extents of one finger.
-    #[serde(deserialize_with = "quantity::size_m")]
-    pub finger_size_m: [f64; 3],
+    pub finger_size_m: quantity::size_m<[f64; 3]>,
     /// Centre of the fingers along y.
-    #[serde(deserialize_with = "quantity::offset_m")]
-    pub finger_centre_y_m: f64,
+    pub finger_centre_y_m: quantity::offset_m,
     /// Position along y at which an object's middle should be when the fingers close.
-    #[serde(deserialize_with = "quantity::size_m")]
-    pub grasp_centre_y_m: f64,
+    pub grasp_centre_y_m: quantity::size_m,
     /// Widest opening.
-    #[serde(deserialize_with = "quantity::size_m")]
-    pub max_width_m: f64,
+    pub max_width_m: quantity::size_m,
     /// Highest force of one finger.
-    #[serde(deserialize_with = "quantity::force_n")]
-    pub max_force_n: f64,
+    pub max_force_n: quantity::force_n,
     /// Highest speed of the fingers relative to each other.
-    #[serde(deserialize_with = "quantity::drive_speed_mps")]
-    pub max_speed_mps: f64,
+    pub max_speed_mps: quantity::drive_speed_mps,
     /// Highest rate at which that speed changes.
-    #[serde(deserialize_with = "quantity::drive_acceleration_mps2")]
-    pub max_acceleration_mps2: f64,
+    pub max_acceleration_mps2: quantity::drive_acceleration_mps2,
     /// Drive of the fingers: its commands, latency and rate. By default: width, speed and force, 30 ms, 140
     /// Hz.
     #[serde(default)]
@@ -65,25 +55,20 @@ pub struct Gripper {
 }
 
 /// A gripper's parts in the paper's simulator.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct PublishedParts {
     /// Moments of inertia of the housing about its centre, along the axes of G.
-    #[serde(deserialize_with = "quantity::moment_kgm2")]
-    pub body_inertia_kgm2: [f64; 3],
+    pub body_inertia_kgm2: quantity::moment_kgm2<[f64; 3]>,
     /// Moments of inertia of one finger about its centre, along the axes of G.
-    #[serde(deserialize_with = "quantity::moment_kgm2")]
-    pub finger_inertia_kgm2: [f64; 3],
+    pub finger_inertia_kgm2: quantity::moment_kgm2<[f64; 3]>,
     /// Distance of the fingers' boxes behind x = ±width/2.
-    #[serde(deserialize_with = "quantity::offset_m")]
-    pub finger_recess_m: f64,
+    pub finger_recess_m: quantity::offset_m,
     /// Centres of the balls with which a finger touches, from where its inner face would be at x = ±width/2
     /// (x outward), and from the fingers' centre along y and z.
-    #[serde(deserialize_with = "quantity::offset_m")]
-    pub tips_m: Vec<[f64; 3]>,
+    pub tips_m: quantity::offset_m<Vec<[f64; 3]>>,
     /// Radius of the balls with which a finger touches.
-    #[serde(deserialize_with = "quantity::size_m")]
-    pub tip_radius_m: f64,
+    pub tip_radius_m: quantity::size_m,
 }
 
 /// Surfaces of a gripper as cameras see them.
@@ -101,17 +86,15 @@ pub struct GripperVisuals {
 pub type FingerContact = (Cuboid, Vec<(Point3<f64>, f64)>);
 
 /// The drive of a gripper behind its command interface.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Drive {
     /// Quantities of a command that the fingers obey.
     pub control: DriveControl,
     /// Time from a command until the fingers begin to move, in seconds.
-    #[serde(deserialize_with = "quantity::latency_s")]
-    pub latency_s: f64,
+    pub latency_s: quantity::latency_s,
     /// Rate of the cycle in which the drive takes commands and refreshes its state.
-    #[serde(deserialize_with = "quantity::rate_hz")]
-    pub state_rate_hz: f64,
+    pub state_rate_hz: quantity::rate_hz,
 }
 
 impl Default for Drive {

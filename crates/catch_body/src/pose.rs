@@ -3,6 +3,8 @@
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
+use crate::quantity;
+
 /// The pose of one frame in another: rotation and translation in metres.
 pub type Pose = Isometry3<f64>;
 
@@ -25,15 +27,13 @@ impl Twist {
 
 /// A pose as files write it: position in metres and roll-pitch-yaw (fixed axes x, y, z, as in URDF) in
 /// radians.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct PoseFields {
     /// Position in metres.
-    #[serde(deserialize_with = "crate::quantity::place_m")]
-    pub position_m: [f64; 3],
+    pub position_m: quantity::place_m<[f64; 3]>,
     /// Roll, pitch and yaw in radians.
-    #[serde(deserialize_with = "crate::quantity::angle_rad")]
-    pub rpy_rad: [f64; 3],
+    pub rpy_rad: quantity::angle_rad<[f64; 3]>,
 }
 
 impl PoseFields {

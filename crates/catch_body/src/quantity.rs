@@ -1,17 +1,16 @@
 //! Checked quantities: the ranges that numbers in files may have, by what they measure.
 //!
-//! A field of a file names its quantity, whatever its shape (a number, an optional one, a list, a vector of
-//! fixed length):
+//! The type of a field names its quantity, whatever its shape (a number, an optional one, a list, a vector of
+//! fixed length); the attribute [`checked`] has it read so:
 //!
 //! ```
 //! use catch_body::{InputError, quantity};
 //!
+//! #[quantity::checked(deny_unknown_fields)]
 //! #[derive(Debug, serde::Deserialize)]
 //! struct Ball {
-//!     #[serde(deserialize_with = "quantity::thrown_mass_kg")]
-//!     mass_kg: f64,
-//!     #[serde(deserialize_with = "quantity::place_m")]
-//!     position_m: [f64; 3],
+//!     mass_kg: quantity::thrown_mass_kg,
+//!     position_m: quantity::place_m<[f64; 3]>,
 //! }
 //! let fault = InputError::parse_toml::<Ball>("ball.toml", "mass_kg = 58\nposition_m = [0, 0, 1]").unwrap_err();
 //! assert_eq!(fault.to_string(), "ball.toml: mass_kg: found 58, expected 0.001 to 5 kg");
@@ -25,6 +24,7 @@ use std::{
     marker::PhantomData,
 };
 
+pub use catch_quantity::checked;
 use nalgebra::{Isometry3, SVector};
 use serde::{
     Deserialize, Deserializer,
@@ -238,6 +238,10 @@ macro_rules! quantities {
         pub fn $name<'de, D: Deserializer<'de>, T: Numbers<'de>>(from: D) -> Result<T, D::Error> {
             T::within($constant, from)
         }
+
+        $(#[$doc])*
+        #[expect(non_camel_case_types, reason = "called as the function that reads it")]
+        pub type $name<T = f64> = T;
     )*};
 }
 
@@ -397,8 +401,6 @@ quantities! {
     latency_s LATENCY_S = 0.0 to 0.5 "s, a time within a flight";
     /// Times that something takes within a flight, in milliseconds.
     latency_ms LATENCY_MS = 0.0 to 500.0 "ms, a time within a flight";
-    /// Times by which a robot controller may be off.
-    controller_time_s CONTROLLER_TIME_S = 0.0 to 0.05 "s";
     /// Times of flight, within that of a trial.
     flight_s FLIGHT_S = 0.1 to 1.9 "s";
     /// Steps of a simulation.
@@ -422,19 +424,17 @@ quantities! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::InputError;
+    use crate::{InputError, quantity};
 
+    #[quantity::checked(deny_unknown_fields)]
     #[derive(Debug, PartialEq, Deserialize)]
-    #[serde(deny_unknown_fields)]
     struct File {
-        #[serde(deserialize_with = "size_m")]
-        size_m: [f64; 3],
-        #[serde(default, deserialize_with = "fraction")]
-        ratio: Option<f64>,
-        #[serde(default, deserialize_with = "shape_m")]
-        profile_m: Vec<[f64; 2]>,
-        #[serde(default = "one", deserialize_with = "image_px")]
-        width_px: u32,
+        size_m: quantity::size_m<[f64; 3]>,
+        ratio: quantity::fraction<Option<f64>>,
+        #[serde(default)]
+        profile_m: quantity::shape_m<Vec<[f64; 2]>>,
+        #[serde(default = "one")]
+        width_px: quantity::image_px<u32>,
     }
 
     fn one() -> u32 {

@@ -49,39 +49,31 @@ pub struct JointLimits {
 }
 
 /// Factors on an arm's limits; 1 is the arm as it is.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct LimitScale {
     /// Factor on velocities.
-    #[serde(deserialize_with = "quantity::limit_factor")]
-    pub velocity: f64,
+    pub velocity: quantity::limit_factor,
     /// Factor on accelerations.
-    #[serde(deserialize_with = "quantity::limit_factor")]
-    pub acceleration: f64,
-    /// Factor on torques.
-    #[serde(deserialize_with = "quantity::limit_factor")]
-    pub torque: f64,
+    pub acceleration: quantity::limit_factor,
     /// Factor on jerks, where the arm states them.
-    #[serde(deserialize_with = "quantity::limit_factor")]
-    pub jerk: f64,
+    pub jerk: quantity::limit_factor,
 }
 
 impl Default for LimitScale {
     fn default() -> Self {
-        Self { velocity: 1.0, acceleration: 1.0, torque: 1.0, jerk: 1.0 }
+        Self { velocity: 1.0, acceleration: 1.0, jerk: 1.0 }
     }
 }
 
 /// Contact at the hand at which the maker's controller stops; at a joint it is the torque of the motor.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct ContactStop {
     /// Force of the contact, along any axis of the base.
-    #[serde(deserialize_with = "quantity::force_n")]
-    pub force_n: f64,
+    pub force_n: quantity::force_n,
     /// Moment of the contact about the origin of the gripper, about any axis of the base.
-    #[serde(deserialize_with = "quantity::torque_nm")]
-    pub moment_nm: f64,
+    pub moment_nm: quantity::torque_nm,
 }
 
 /// A revolute joint and the link that it moves.
@@ -234,7 +226,6 @@ impl Robot {
             joint.limits.velocity *= by.velocity;
             joint.velocity_table = joint.velocity_table.take().map(|it| it.scaled(by.velocity));
             joint.limits.acceleration *= by.acceleration;
-            joint.limits.torque *= by.torque;
             joint.limits.jerk = joint.limits.jerk.map(|jerk| jerk * by.jerk);
         }
         self

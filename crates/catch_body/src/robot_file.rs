@@ -24,8 +24,8 @@ use crate::{
 };
 
 /// Contents of the `robot.toml` beside a `robot.urdf`.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct RobotFile {
     /// Pose of the base in the world.
     base: PoseFields,
@@ -35,8 +35,7 @@ struct RobotFile {
     #[serde(default)]
     flanges: BTreeMap<String, FlangeFields>,
     /// Speed at which the maker's controller stops, of the flange and of the tool.
-    #[serde(default, deserialize_with = "quantity::hand_speed_mps")]
-    max_hand_speed_mps: Option<f64>,
+    max_hand_speed_mps: quantity::hand_speed_mps<Option<f64>>,
     /// Contact at the hand at which it stops; at a joint it is the torque of the motor.
     contact_stop: Option<ContactStop>,
     /// Joint positions in which the arm waits, and in which it is comfortable.
@@ -55,15 +54,13 @@ struct RobotFile {
 
 /// A flange on the last link. Its axes are those of a gripper there: the fingers close along x, y is the
 /// approach.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct FlangeFields {
     /// Middle of the flange's face in the frame of the last link.
-    #[serde(deserialize_with = "quantity::offset_m")]
-    position_m: [f64; 3],
+    position_m: quantity::offset_m<[f64; 3]>,
     /// Rotation: roll, pitch and yaw about the fixed axes x, y and z, as in URDF.
-    #[serde(deserialize_with = "quantity::angle_rad")]
-    rpy_rad: [f64; 3],
+    rpy_rad: quantity::angle_rad<[f64; 3]>,
     /// True if nobody published the pose.
     #[serde(default)]
     assumed: bool,
@@ -72,42 +69,34 @@ struct FlangeFields {
 }
 
 /// Named joint positions.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct PosesFields {
     /// The comfortable pose of the paper's heuristics, one angle per joint.
-    #[serde(deserialize_with = "quantity::angle_rad")]
-    comfortable_rad: Vec<f64>,
+    comfortable_rad: quantity::angle_rad<Vec<f64>>,
     /// Joint positions in which the arm waits, unless a scenario says otherwise.
-    #[serde(deserialize_with = "quantity::angle_rad")]
-    ready_rad: Vec<f64>,
+    ready_rad: quantity::angle_rad<Vec<f64>>,
 }
 
 /// Properties of a joint that the URDF cannot state. Each value may be
 /// `{ value = …, assumed = true, reason = "…" }`.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct JointFields {
     /// Limit of the acceleration.
-    #[serde(deserialize_with = "quantity::joint_acceleration_radps2")]
-    max_acceleration_radps2: Stated<f64>,
+    max_acceleration_radps2: quantity::joint_acceleration_radps2<Stated<f64>>,
     /// Limit of the jerk; without it the jerk is not limited.
-    #[serde(default, deserialize_with = "quantity::joint_jerk_radps3")]
-    max_jerk_radps3: Option<Stated<f64>>,
+    max_jerk_radps3: quantity::joint_jerk_radps3<Option<Stated<f64>>>,
     /// Inertia of the rotor and the gear, reflected to the joint.
-    #[serde(deserialize_with = "quantity::rotor_inertia_kgm2")]
-    rotor_inertia_kgm2: Stated<f64>,
+    rotor_inertia_kgm2: quantity::rotor_inertia_kgm2<Stated<f64>>,
     /// Limits of the position, in place of the URDF's.
-    #[serde(default, deserialize_with = "quantity::joint_position_rad")]
-    range_rad: Option<Stated<[f64; 2]>>,
+    range_rad: quantity::joint_position_rad<Option<Stated<[f64; 2]>>>,
     /// Limit of the velocity, in place of the URDF's.
-    #[serde(default, deserialize_with = "quantity::joint_velocity_radps")]
-    max_velocity_radps: Option<Stated<f64>>,
+    max_velocity_radps: quantity::joint_velocity_radps<Option<Stated<f64>>>,
     /// Limits of the velocity that depend on the position.
     velocity_by_position: Option<VelocityFields>,
     /// Limit of the torque, in place of the URDF's.
-    #[serde(default, deserialize_with = "quantity::torque_nm")]
-    max_torque_nm: Option<Stated<f64>>,
+    max_torque_nm: quantity::torque_nm<Option<Stated<f64>>>,
 }
 
 /// The arm as capsules, for contact and clearance, and for cameras where a link has no visual shape.

@@ -129,12 +129,11 @@ mod tests {
     use super::*;
     use crate::quantity;
 
+    #[quantity::checked]
     #[derive(Debug, serde::Deserialize)]
     struct Fields {
-        #[serde(deserialize_with = "quantity::torque_nm")]
-        torque_nm: Stated<f64>,
-        #[serde(default, deserialize_with = "quantity::angle_rad")]
-        range_rad: Option<Stated<[f64; 2]>>,
+        torque_nm: quantity::torque_nm<Stated<f64>>,
+        range_rad: quantity::angle_rad<Option<Stated<[f64; 2]>>>,
     }
 
     fn read(text: &str) -> Result<Fields, InputError> {

@@ -314,6 +314,7 @@ fn one_of(names: &[&str]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::quantity;
 
     #[derive(Debug, serde::Deserialize)]
     #[serde(deny_unknown_fields)]
@@ -328,22 +329,18 @@ mod tests {
         turns: Vec<(Axis, f64)>,
     }
 
+    #[quantity::checked(default, deny_unknown_fields)]
     #[derive(Debug, Default, serde::Deserialize)]
-    #[serde(default, deny_unknown_fields)]
     struct Arena {
-        #[serde(deserialize_with = "crate::quantity::rate_hz")]
-        rate_hz: f64,
+        rate_hz: quantity::rate_hz,
         drag: bool,
     }
 
+    #[quantity::checked(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
     #[derive(Debug, serde::Deserialize)]
-    #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
     #[expect(dead_code, reason = "only whether they can be read matters")]
     enum Motion {
-        Fixed {
-            #[serde(deserialize_with = "crate::quantity::place_m")]
-            position_m: [f64; 3],
-        },
+        Fixed { position_m: quantity::place_m<[f64; 3]> },
     }
 
     #[derive(Debug, serde::Deserialize)]

@@ -39,18 +39,15 @@ impl VelocityTable {
 
 /// Limits of a joint's velocity by its position, linear between these; beyond them those of the first and the
 /// last count.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct VelocityFields {
     /// Positions of the joint, increasing.
-    #[serde(deserialize_with = "quantity::joint_position_rad")]
-    position_rad: Vec<f64>,
+    position_rad: quantity::joint_position_rad<Vec<f64>>,
     /// Lowest velocity at each position, below 0.
-    #[serde(deserialize_with = "quantity::signed_joint_velocity_radps")]
-    lowest_radps: Vec<f64>,
+    lowest_radps: quantity::signed_joint_velocity_radps<Vec<f64>>,
     /// Highest velocity at each position, above 0.
-    #[serde(deserialize_with = "quantity::signed_joint_velocity_radps")]
-    highest_radps: Vec<f64>,
+    highest_radps: quantity::signed_joint_velocity_radps<Vec<f64>>,
 }
 
 impl VelocityFields {

@@ -64,37 +64,32 @@ struct WorkcellFields {
 }
 
 /// A box.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct BoxFields {
     /// Name, for errors.
     name: String,
     /// Full extents along the box's own axes.
-    #[serde(deserialize_with = "quantity::obstacle_size_m")]
-    size_m: [f64; 3],
+    size_m: quantity::obstacle_size_m<[f64; 3]>,
     /// Position of the middle of the box.
-    #[serde(deserialize_with = "quantity::place_m")]
-    position_m: [f64; 3],
+    position_m: quantity::place_m<[f64; 3]>,
     /// Rotation: roll, pitch and yaw about the fixed axes x, y and z.
-    #[serde(default, deserialize_with = "quantity::angle_rad")]
-    rpy_rad: [f64; 3],
+    #[serde(default)]
+    rpy_rad: quantity::angle_rad<[f64; 3]>,
 }
 
 /// All points within a radius of a segment.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct CapsuleFields {
     /// Name, for errors.
     name: String,
     /// First end of the segment.
-    #[serde(deserialize_with = "quantity::place_m")]
-    from_m: [f64; 3],
+    from_m: quantity::place_m<[f64; 3]>,
     /// Second end of the segment.
-    #[serde(deserialize_with = "quantity::place_m")]
-    to_m: [f64; 3],
+    to_m: quantity::place_m<[f64; 3]>,
     /// Radius.
-    #[serde(deserialize_with = "quantity::radius_m")]
-    radius_m: f64,
+    radius_m: quantity::radius_m,
 }
 
 impl Workcell {

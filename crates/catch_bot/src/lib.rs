@@ -121,11 +121,11 @@ impl CatchingBot {
         cameras: Vec<CameraModel>,
         object: &KnownObject,
     ) -> Result<Self, InputError> {
-        let (seed, robot) = (config.seed, robot.with_mount_of(&gripper));
+        let robot = robot.with_mount_of(&gripper);
         let reach_map = ReachMap::serves(&robot).then(|| Arc::new(ReachMap::new(&robot)));
         let config = config.given(&object.figures, &cameras);
         let known = Preparation::new(config, (robot, reach_map), gripper, cameras, &object.scan)?;
-        let (estimator, predictor) = (Box::new(known.pose_estimator()), Box::new(known.flight_predictor(seed)));
+        let (estimator, predictor) = (Box::new(known.pose_estimator()), Box::new(known.flight_predictor(0)));
         let planner = Box::new(known.catch_planner());
         Ok(Self::with_stages(Arc::new(known), estimator, predictor, planner))
     }

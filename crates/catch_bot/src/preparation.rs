@@ -21,8 +21,6 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Seed of everything that is drawn at random.
-    pub seed: u64,
     /// Settings of perception: from images to the object's pose.
     pub perception: perception::Config,
     /// Settings of trajectory prediction: from poses to a flight.
@@ -41,8 +39,7 @@ impl Config {
     /// # Errors
     /// If a setting is out of its range.
     pub fn check(&self) -> Result<(), InputError> {
-        // Seeds have no range, and files no numbers that large.
-        InputError::check_settings("settings of the brain", &Self { seed: 0, ..self.clone() })
+        InputError::check_settings("settings of the brain", self)
     }
 
     /// Completes these settings by prior knowledge wherever they are not set: of the object, its drag, its

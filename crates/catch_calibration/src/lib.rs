@@ -74,8 +74,6 @@ mod depths;
 mod estimate;
 mod fine;
 pub mod flights;
-#[cfg(test)]
-mod jacobians;
 mod measurement;
 mod normal_equations;
 pub mod overlay;
@@ -85,6 +83,8 @@ mod rendering;
 mod session;
 mod sightings;
 mod silhouettes;
+#[cfg(test)]
+mod tests;
 
 use std::f64::consts::FRAC_PI_2;
 

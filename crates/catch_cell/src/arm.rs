@@ -20,17 +20,15 @@ impl fmt::Display for TrajectoryId {
 }
 
 /// The arm as its robot controller reports it.
+#[quantity::checked]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ArmState {
     /// Time of the sample in seconds, on the cell's clock as well as the controller knows it.
-    #[serde(deserialize_with = "quantity::clock_s")]
-    pub time_s: f64,
+    pub time_s: quantity::clock_s,
     /// Positions in radians as the encoders give them.
-    #[serde(deserialize_with = "quantity::joint_rad")]
-    pub q: JointVector,
+    pub q: quantity::joint_rad<JointVector>,
     /// Velocities in rad/s as the encoders give them.
-    #[serde(deserialize_with = "quantity::joint_radps")]
-    pub dq: JointVector,
+    pub dq: quantity::joint_radps<JointVector>,
     /// Set-point that the controller commands to the joints at this instant, free of the encoders' noise.
     pub commanded: Setpoint,
     /// The trajectory that is being executed, or that ended last and is held; `None` before the first one.

@@ -12,26 +12,22 @@ use crate::DataSheet;
 ///
 /// Frame C: z along the optical axis, x to the right, y down in the image. Pixel (0, 0) covers image
 /// coordinates 0 to 1, so its centre is at (0.5, 0.5).
+#[quantity::checked]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraModel {
     /// Pose of the camera in the world (for a reference scan: in the reference frame R), as calibrated.
-    #[serde(deserialize_with = "quantity::pose")]
-    pub X_WC: Pose,
+    pub X_WC: quantity::pose<Pose>,
     /// Image width.
-    #[serde(deserialize_with = "quantity::image_px")]
-    pub width_px: u32,
+    pub width_px: quantity::image_px<u32>,
     /// Image height.
-    #[serde(deserialize_with = "quantity::image_px")]
-    pub height_px: u32,
+    pub height_px: quantity::image_px<u32>,
     /// Focal length in pixels, the same along both axes; there is no lens distortion.
-    #[serde(deserialize_with = "quantity::focal_px")]
-    pub focal_px: f64,
+    pub focal_px: quantity::focal_px,
     /// Principal point in image coordinates.
-    #[serde(deserialize_with = "quantity::image_coordinate_px")]
-    pub principal_px: [f64; 2],
+    pub principal_px: quantity::image_coordinate_px<[f64; 2]>,
     /// Images per second, where that is known.
-    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "quantity::rate_hz")]
-    pub rate_hz: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_hz: quantity::rate_hz<Option<f64>>,
     /// Depth errors according to the camera's data sheet; none are expected without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheet: Option<DataSheet>,
@@ -91,20 +87,17 @@ impl CameraModel {
 }
 
 /// A rectangle of pixels; the default is empty.
+#[quantity::checked]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct PixelWindow {
     /// First column.
-    #[serde(deserialize_with = "quantity::pixel")]
-    pub left: u32,
+    pub left: quantity::pixel<u32>,
     /// First row.
-    #[serde(deserialize_with = "quantity::pixel")]
-    pub top: u32,
+    pub top: quantity::pixel<u32>,
     /// Number of columns.
-    #[serde(deserialize_with = "quantity::pixel")]
-    pub width: u32,
+    pub width: quantity::pixel<u32>,
     /// Number of rows.
-    #[serde(deserialize_with = "quantity::pixel")]
-    pub height: u32,
+    pub height: quantity::pixel<u32>,
 }
 
 impl PixelWindow {
@@ -176,13 +169,13 @@ impl PixelWindow {
 }
 
 /// One depth image, or the window of it that was read out.
+#[quantity::checked]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DepthFrame {
     /// Camera that took the image: an index into the cell's list of cameras.
     pub camera: usize,
     /// Time at which the shutter closed, in seconds on the cell's clock.
-    #[serde(deserialize_with = "quantity::clock_s")]
-    pub capture_s: f64,
+    pub capture_s: quantity::clock_s,
     /// The part of the image that follows.
     pub window: PixelWindow,
     /// Depth along the optical axis (z of C, not the length of the ray) in metres, row by row, one value per

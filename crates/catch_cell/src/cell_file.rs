@@ -5,8 +5,8 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 /// A CELL.toml.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct CellFile {
     /// Scenario whose settings the brain gets: a built-in name or a file.
     pub scenario: String,
@@ -21,8 +21,8 @@ pub struct CellFile {
     /// Calibrated cameras: a rig's file.
     pub rig: String,
     /// Fraction of the limits of velocity, acceleration and jerk that motions may use.
-    #[serde(default = "first_speed_scaling", deserialize_with = "quantity::limit_factor")]
-    pub speed_scaling: f64,
+    #[serde(default = "first_speed_scaling")]
+    pub speed_scaling: quantity::limit_factor,
     /// Link to the arm.
     pub arm: ArmLink,
     /// Link to the gripper, where it has one of its own.
@@ -67,15 +67,13 @@ pub struct CameraLink {
 }
 
 /// A box in the world.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct SafeBox {
     /// The corner with the least coordinates.
-    #[serde(deserialize_with = "quantity::place_m")]
-    pub low_m: [f64; 3],
+    pub low_m: quantity::place_m<[f64; 3]>,
     /// The corner with the highest coordinates.
-    #[serde(deserialize_with = "quantity::place_m")]
-    pub high_m: [f64; 3],
+    pub high_m: quantity::place_m<[f64; 3]>,
 }
 
 impl SafeBox {

@@ -4,17 +4,15 @@ use catch_body::quantity;
 use serde::{Deserialize, Serialize};
 
 /// A gripper as it reports itself.
+#[quantity::checked]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GripperState {
     /// Distance between the fingers' inner faces in metres.
-    #[serde(deserialize_with = "quantity::drive_m")]
-    pub width_m: f64,
+    pub width_m: quantity::drive_m,
     /// Rate of change of the width in m/s, negative while closing.
-    #[serde(deserialize_with = "quantity::drive_mps")]
-    pub speed_mps: f64,
+    pub speed_mps: quantity::drive_mps,
     /// Force of each finger in N, positive while squeezing.
-    #[serde(deserialize_with = "quantity::drive_n")]
-    pub force_n: f64,
+    pub force_n: quantity::drive_n,
     /// State of the grasp according to the drive.
     pub grasp: GraspState,
 }
@@ -40,19 +38,16 @@ pub enum GraspState {
 }
 
 /// A move of the fingers.
+#[quantity::checked]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GripperMove {
     /// Time at which the move begins, in seconds on the cell's clock.
-    #[serde(deserialize_with = "quantity::clock_s")]
-    pub start_s: f64,
+    pub start_s: quantity::clock_s,
     /// Width at which the move ends: the distance between the inner faces in metres. A width below the
     /// object's squeezes it.
-    #[serde(deserialize_with = "quantity::drive_m")]
-    pub width_m: f64,
+    pub width_m: quantity::drive_m,
     /// Highest speed of the fingers relative to each other in m/s, twice that of one finger.
-    #[serde(deserialize_with = "quantity::drive_mps")]
-    pub speed_mps: f64,
+    pub speed_mps: quantity::drive_mps,
     /// Highest force of each finger in N.
-    #[serde(deserialize_with = "quantity::drive_n")]
-    pub force_n: f64,
+    pub force_n: quantity::drive_n,
 }

@@ -26,25 +26,21 @@ impl From<ReferenceScan> for KnownObject {
 }
 
 /// Figures of an object that can be weighed, looked up or guessed: the table `[known]` of its file.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct ObjectFigures {
     /// Expected drag constant k of a = −k·|v|·v, in 1/m.
-    #[serde(deserialize_with = "quantity::drag_per_m")]
-    pub drag_per_m: f64,
+    pub drag_per_m: quantity::drag_per_m,
     /// Standard deviation of the drag constant.
-    #[serde(deserialize_with = "quantity::drag_per_m")]
-    pub drag_sd_per_m: f64,
+    pub drag_sd_per_m: quantity::drag_per_m,
     /// Mass in kg by a scale, if somebody has weighed it.
-    #[serde(default, deserialize_with = "quantity::thrown_mass_kg")]
-    pub mass_kg: Option<f64>,
+    pub mass_kg: quantity::thrown_mass_kg<Option<f64>>,
     /// Expected coefficient of restitution against the gripper, 0 to 1, if anything is known of it.
-    #[serde(default, deserialize_with = "quantity::fraction")]
-    pub restitution: Option<f64>,
+    pub restitution: quantity::fraction<Option<f64>>,
     /// Standard deviation in metres of each coordinate of its centre of mass about that of uniform density; 2
     /// mm if nobody says. It is estimated in flight, as far as the spin shows it.
-    #[serde(default = "typical_com_sd_m", deserialize_with = "quantity::error_m")]
-    pub com_sd_m: f64,
+    #[serde(default = "typical_com_sd_m")]
+    pub com_sd_m: quantity::error_m,
 }
 
 /// Standard deviation for an object whose density nobody has looked into: a claim of zero costs catches of
@@ -88,32 +84,25 @@ impl ObjectFigures {
 /// Errors of a depth camera according to its data sheet, and as its owner has observed them.
 ///
 /// The standard deviation of a depth z is c + (q + s/(f·b))·z², with the focal length f in pixels.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct DataSheet {
     /// The part c that does not depend on the distance, in metres.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub constant_m: f64,
+    pub constant_m: quantity::error_m,
     /// The part q that grows with the square of the distance whatever the focal length, in 1/m.
-    #[serde(deserialize_with = "quantity::inverse_depth_per_m")]
-    pub quadratic_per_m: f64,
+    pub quadratic_per_m: quantity::inverse_depth_per_m,
     /// The standard deviation s of the disparity of a stereo camera, in pixels.
-    #[serde(deserialize_with = "quantity::error_px")]
-    pub subpixel_px: f64,
+    pub subpixel_px: quantity::error_px,
     /// The distance b between its two eyes, in metres.
-    #[serde(deserialize_with = "quantity::size_m")]
-    pub baseline_m: f64,
+    pub baseline_m: quantity::size_m,
     /// Fraction of the variance that all pixels of one image have in common.
-    #[serde(deserialize_with = "quantity::fraction")]
-    pub common_fraction: f64,
+    pub common_fraction: quantity::fraction,
     /// True if pixels may be missing where there is something.
     pub dropout: bool,
     /// Number of pixels beside a depth edge that may show something else than what is there.
-    #[serde(deserialize_with = "quantity::edge_px")]
-    pub edge_px: u32,
+    pub edge_px: quantity::edge_px<u32>,
     /// Depths that can be measured, from and to, in metres. None: all.
-    #[serde(deserialize_with = "quantity::distance_m")]
-    pub range_m: Option<[f64; 2]>,
+    pub range_m: quantity::distance_m<Option<[f64; 2]>>,
 }
 
 impl Default for DataSheet {

@@ -55,11 +55,11 @@ use catch_body::quantity;
 use serde::{Deserialize, Serialize};
 
 /// Measurements of the cell's sensors at one instant.
+#[quantity::checked]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Observation {
     /// Time of the observation on the cell's clock, in seconds.
-    #[serde(deserialize_with = "quantity::clock_s")]
-    pub time_s: f64,
+    pub time_s: quantity::clock_s,
     /// The arm as its encoders see it.
     pub arm: ArmState,
     /// The gripper as it reports itself.

@@ -23,65 +23,49 @@ struct RigFile {
 }
 
 /// Cameras on a sphere, one for each pair of an azimuth and an elevation, all looking at the same point.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct UvSphereFields {
     /// Radius of the sphere.
-    #[serde(deserialize_with = "quantity::distance_m")]
-    radius_m: f64,
+    radius_m: quantity::distance_m,
     /// Azimuths, counterclockwise from x.
-    #[serde(deserialize_with = "quantity::angle_deg")]
-    azimuths_deg: Vec<f64>,
+    azimuths_deg: quantity::angle_deg<Vec<f64>>,
     /// Elevations above the horizontal.
-    #[serde(deserialize_with = "quantity::elevation_deg")]
-    elevations_deg: Vec<f64>,
+    elevations_deg: quantity::elevation_deg<Vec<f64>>,
     /// Centre of the sphere, which all cameras look at.
-    #[serde(deserialize_with = "quantity::place_m")]
-    look_at_m: [f64; 3],
+    look_at_m: quantity::place_m<[f64; 3]>,
     /// Width of the images.
-    #[serde(deserialize_with = "quantity::image_px")]
-    width_px: u32,
+    width_px: quantity::image_px<u32>,
     /// Height of the images.
-    #[serde(deserialize_with = "quantity::image_px")]
-    height_px: u32,
+    height_px: quantity::image_px<u32>,
     /// Field of view from top to bottom.
-    #[serde(deserialize_with = "quantity::field_of_view_deg")]
-    vertical_fov_deg: f64,
+    vertical_fov_deg: quantity::field_of_view_deg,
 }
 
 /// A camera of its own: it looks at a point or has a rotation, and has a field of view or a calibrated focal
 /// length.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct CameraFields {
     /// Position of the camera.
-    #[serde(deserialize_with = "quantity::place_m")]
-    position_m: [f64; 3],
+    position_m: quantity::place_m<[f64; 3]>,
     /// Point that the camera looks at, level; or:
-    #[serde(default, deserialize_with = "quantity::place_m")]
-    look_at_m: Option<[f64; 3]>,
+    look_at_m: quantity::place_m<Option<[f64; 3]>>,
     /// Rotation of the camera as a unit quaternion x, y, z, w; the camera looks along its z, and its y points
     /// down.
-    #[serde(default, deserialize_with = "quantity::quaternion")]
-    rotation_xyzw: Option<[f64; 4]>,
+    rotation_xyzw: quantity::quaternion<Option<[f64; 4]>>,
     /// Width of the camera's images.
-    #[serde(deserialize_with = "quantity::image_px")]
-    width_px: u32,
+    width_px: quantity::image_px<u32>,
     /// Height of the camera's images.
-    #[serde(deserialize_with = "quantity::image_px")]
-    height_px: u32,
+    height_px: quantity::image_px<u32>,
     /// Field of view from top to bottom; or:
-    #[serde(default, deserialize_with = "quantity::field_of_view_deg")]
-    vertical_fov_deg: Option<f64>,
+    vertical_fov_deg: quantity::field_of_view_deg<Option<f64>>,
     /// Focal length.
-    #[serde(default, deserialize_with = "quantity::focal_px")]
-    focal_px: Option<f64>,
+    focal_px: quantity::focal_px<Option<f64>>,
     /// Principal point; the middle of the image if left out.
-    #[serde(default, deserialize_with = "quantity::image_coordinate_px")]
-    principal_px: Option<[f64; 2]>,
+    principal_px: quantity::image_coordinate_px<Option<[f64; 2]>>,
     /// Images per second.
-    #[serde(default, deserialize_with = "quantity::rate_hz")]
-    rate_hz: Option<f64>,
+    rate_hz: quantity::rate_hz<Option<f64>>,
     /// Uncertainty of the camera's parameters, where it was calibrated.
     calibration: Option<RigCalibration>,
 }

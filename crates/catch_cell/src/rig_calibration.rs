@@ -9,28 +9,22 @@ use serde::Deserialize;
 use crate::CameraModel;
 
 /// Uncertainty of a camera's parameters after a calibration.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct RigCalibration {
     /// Covariance of the pose X_WC·exp(ω, v), row by row: three rotations about the camera's axes, then three
     /// translations along them.
-    #[serde(deserialize_with = "quantity::pose_covariance")]
-    pub covariance: Vec<f64>,
+    pub covariance: quantity::pose_covariance<Vec<f64>>,
     /// Relative error of depths: measured depths are true ones times 1 + this.
-    #[serde(deserialize_with = "quantity::scale_error")]
-    pub depth_scale: f64,
+    pub depth_scale: quantity::scale_error,
     /// Offset to be added to the time stamps of the camera's images.
-    #[serde(deserialize_with = "quantity::time_offset_s")]
-    pub time_offset_s: f64,
+    pub time_offset_s: quantity::time_offset_s,
     /// Standard deviation of the time offset; none where no motion was seen.
-    #[serde(default, deserialize_with = "quantity::time_sd_s")]
-    pub time_offset_sd_s: Option<f64>,
+    pub time_offset_sd_s: quantity::time_sd_s<Option<f64>>,
     /// Standard deviation of 1/z of a pixel around the model of the arm.
-    #[serde(deserialize_with = "quantity::inverse_depth_per_m")]
-    pub inverse_depth_sd_per_m: f64,
+    pub inverse_depth_sd_per_m: quantity::inverse_depth_per_m,
     /// Standard deviation of a silhouette around the model of the arm.
-    #[serde(deserialize_with = "quantity::error_px")]
-    pub silhouette_sd_px: f64,
+    pub silhouette_sd_px: quantity::error_px,
     /// Poses of the arm that the camera saw.
     pub images: usize,
 }

@@ -7,17 +7,15 @@ use serde::{Deserialize, Serialize};
 pub const DEGREE: usize = 3;
 
 /// Position, velocity and acceleration of the joints at one instant.
+#[quantity::checked]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Setpoint {
     /// Positions in radians.
-    #[serde(deserialize_with = "quantity::joint_rad")]
-    pub q: JointVector,
+    pub q: quantity::joint_rad<JointVector>,
     /// Velocities in rad/s.
-    #[serde(deserialize_with = "quantity::joint_radps")]
-    pub dq: JointVector,
+    pub dq: quantity::joint_radps<JointVector>,
     /// Accelerations in rad/s².
-    #[serde(deserialize_with = "quantity::joint_radps2")]
-    pub ddq: JointVector,
+    pub ddq: quantity::joint_radps2<JointVector>,
 }
 
 impl Setpoint {
@@ -36,14 +34,13 @@ impl Setpoint {
 ///
 /// The knots are non-decreasing, the first and the last repeated four times, four more than there are control
 /// points. A knot that is repeated three times inside joins two splines.
+#[quantity::checked]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BSpline {
     /// Knots in seconds on the cell's clock: n + 4 for n control points.
-    #[serde(deserialize_with = "quantity::clock_s")]
-    pub knots_s: Vec<f64>,
+    pub knots_s: quantity::clock_s<Vec<f64>>,
     /// Control points in radians: n, at least four.
-    #[serde(deserialize_with = "quantity::joint_rad")]
-    pub control_points: Vec<JointVector>,
+    pub control_points: quantity::joint_rad<Vec<JointVector>>,
 }
 
 impl BSpline {

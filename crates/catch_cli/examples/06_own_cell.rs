@@ -146,6 +146,7 @@ pub fn record(folder: &Path) -> anyhow::Result<PathBuf> {
     config.control.expected_latency_s = EXPECTED_LATENCY_S;
     let mut brain = CatchingBot::new(config, robot.clone(), gripper, looking.to_vec(), &object)?;
     let known = RecordedCell {
+        seed: 0,
         brain: brain.known.config.clone().into(),
         sources,
         ready_rad: robot.ready_q.as_slice()[..robot.dof()].to_vec(),

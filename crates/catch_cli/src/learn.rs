@@ -5,14 +5,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
-    VERSION,
     evaluation::summary_table::plain,
     flights::{
-        flight_learning,
-        flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw},
+        flight_learning::{self, Lessons},
+        flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw, with_all},
         flight_prior::FlightPrior,
     },
 };
@@ -44,15 +42,12 @@ pub struct LearnArguments {
     /// File for what was learned
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Source of the recordings, for the file and the report
+    /// Source of the recordings, for the file
     #[arg(long, value_name = "TEXT", default_value = "own recordings")]
     source: String,
     /// Parts for the cross-validation
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole(2, 100))]
     folds: u64,
-    /// Also write the tables to a Markdown file
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -87,7 +82,6 @@ pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     let read = |folder: &PathBuf| Throw::read_folder(folder, arguments.up.direction(), LEAST_THROWS);
     let objects = arguments.tracks.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     whole_file::check_new([&arguments.out], "--out")?;
-    whole_file::check_new(&arguments.report, "--report")?;
     let folds = usize::try_from(arguments.folds)?;
     let nothing = |folder: &Path| {
         let expected = "throws that fall as gravity has it: is --up right, are they metres and seconds?";
@@ -95,32 +89,13 @@ pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     };
     let total = objects.len() * (folds + 1);
     let progress = screen::progress_bar(total, "parts");
-    let (mut priors, mut tables) = (Vec::new(), Vec::new());
-    let objects: Vec<_> = objects.iter().map(|it| flight_learning::studied(it)).collect();
-    for (throws, folder) in objects.iter().zip(&arguments.tracks) {
-        let misses =
-            flight_learning::cross_validated(throws, folds, || progress.inc(1)).ok_or_else(|| nothing(folder))?;
-        tables.push((name(folder), misses));
-        let all: Vec<_> = throws.iter().collect();
-        priors.push(flight_learning::learn(&all).ok_or_else(|| nothing(folder))?);
-        progress.inc(1);
-    }
+    let learned = flight_learning::lessons(&objects, folds, || progress.inc(1));
+    let Lessons { prior, own, others } = learned.map_err(|at| nothing(&arguments.tracks[at]))?;
     progress.finish_and_clear();
-    let mut others = Vec::new();
-    for (i, (throws, folder)) in objects.iter().zip(&arguments.tracks).enumerate().filter(|_| objects.len() > 1) {
-        let rest: Vec<FlightPrior> =
-            priors.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, it)| it.clone()).collect();
-        others.extend(flight_learning::left_out(throws, &rest).map(|misses| (name(folder), misses)));
-    }
-    let prior = if priors.len() > 1 { flight_learning::generic(&priors) } else { priors.pop() };
-    let prior = prior.with_context(|| "no folder of throws")?;
     let throws = objects.iter().map(Vec::len).sum();
     let prior = FlightPrior { source: format!("{}; {throws} throws", arguments.source), ..prior };
     whole_file::write_new(&[(arguments.out.clone(), prior.text()?.into_bytes())], "--out")?;
-    let document = Document { throws, cross_validated: rows(tables), other_objects: rows(others) };
-    if let Some(path) = &arguments.report {
-        whole_file::write_new(&[(path.clone(), report(&document, arguments).into_bytes())], "--report")?;
-    }
+    let document = Document { throws, cross_validated: rows(arguments, own), other_objects: rows(arguments, others) };
     if arguments.json {
         return screen::document(&document);
     }
@@ -145,18 +120,9 @@ fn name(folder: &Path) -> String {
 }
 
 /// Rows for each object by how much was seen, and for all together.
-fn rows(tables: Vec<(String, Misses)>) -> Vec<Row> {
+fn rows(arguments: &LearnArguments, misses: Vec<Misses>) -> Vec<Row> {
     let mut rows = Vec::new();
-    let pooled = (tables.len() > 1).then(|| {
-        let mut pooled = Misses::default();
-        for (_, misses) in &tables {
-            for (all, of) in pooled.iter_mut().zip(misses) {
-                all.extend_from_slice(of);
-            }
-        }
-        ("all".to_owned(), pooled)
-    });
-    for (object, misses) in tables.into_iter().chain(pooled) {
+    for (object, misses) in with_all(arguments.tracks.iter().map(|it| name(it)), misses) {
         for (seen, misses) in Seen::ALL.into_iter().zip(&misses) {
             let seen = match seen {
                 Seen::Half => "half".to_owned(),
@@ -184,25 +150,6 @@ fn table(rows: &[Row]) -> String {
             let _ = write!(text, " {:.1} % |", fraction * 100.0);
         }
         text.push('\n');
-    }
-    text
-}
-
-/// The tables with what they are from.
-fn report(document: &Document, arguments: &LearnArguments) -> String {
-    let mut text = format!(
-        "# Predictions of recorded flights\n\n\
-         Written by `catchingbot learn --report`, version {VERSION}. Recordings: {}; {} throws.\n\n\
-         The end of each throw is predicted from its first half, or from all but its last tenths of a second. An error is the \
-         distance from the predicted to the recorded position. The last columns are reliability: how many of the recorded ends \
-         lie in the ellipsoids that claim to hold 50, 80, 95 and 99 % of them.\n",
-        plain(&arguments.source),
-        document.throws
-    );
-    for (title, rows) in [(OWN, &document.cross_validated), (OTHERS, &document.other_objects)] {
-        if !rows.is_empty() {
-            let _ = write!(text, "\n## {title}\n\n{}", table(rows));
-        }
     }
     text
 }

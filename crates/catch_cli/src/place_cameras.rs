@@ -9,7 +9,7 @@ use std::{
 use catch_body::{InputError, Pose};
 use catch_cell::{CameraModel, rig_to_toml};
 use catch_lab::{
-    camera_placement::{Config, PlacementStudy, Score},
+    camera_placement::{CLOSING_S, Config, DECISION_S, PlacementStudy, Score},
     scenario::setup::Setup,
 };
 use catch_recording::whole_file::{COMMAND_LINE, check_new, write_new};
@@ -64,12 +64,6 @@ pub struct PlaceCamerasArguments {
     /// Distance between neighbouring places on a wall, in metres
     #[arg(long, value_name = "METRES", default_value_t = Config::default().spacing_m, value_parser = between(0.05, 5.0))]
     spacing: f64,
-    /// Time from the decision to the catch, in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = Config::default().decision_s, value_parser = between(0.0, 2.0))]
-    decision: f64,
-    /// Time from the start of finger closing to the catch, in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = Config::default().closing_s, value_parser = between(0.0, 2.0))]
-    closing: f64,
     /// No camera is nearer than this to any flight, in metres
     #[arg(long, value_name = "METRES", default_value_t = Config::default().clear_m, value_parser = between(0.0, 10.0))]
     clear: f64,
@@ -159,8 +153,6 @@ pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
         seed: arguments.seed,
         volume_m: [arguments.from.0, arguments.to.0],
         spacing_m: arguments.spacing,
-        decision_s: arguments.decision,
-        closing_s: arguments.closing,
         clear_m: arguments.clear,
         arm_fraction: arguments.arm,
     };
@@ -179,7 +171,7 @@ pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
     let rig: Vec<_> = placement.cameras.iter().map(|camera| (camera.clone(), None)).collect();
     let about = format!(
         "Cameras placed for the throw {} of the scenario {}, by what {} throws of seed {} tell until {} s and {} s before the catch.",
-        setup.scenario.throw, setup.scenario.name, config.throws, config.seed, config.decision_s, config.closing_s
+        setup.scenario.throw, setup.scenario.name, config.throws, config.seed, DECISION_S, CLOSING_S
     );
     let views = views(&setup, &study, &placement.cameras, &score);
     let page = placement_page::page("Placed cameras", &study.flights, &views);

@@ -40,9 +40,6 @@ pub struct PlanArguments {
     /// file names, or that of the default scenario]
     #[arg(long, value_name = "NAME|FILE")]
     robot: Option<String>,
-    /// Solve the general form, all joints at once, instead of one joint after the other
-    #[arg(long)]
-    general: bool,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -112,7 +109,7 @@ pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
         let planner = planner.expect("it was made just now");
         let (q, dq) = case.start(&file, &planner.motion.robot)?;
         let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
-        rows.push(row(planner, &start, case, arguments.general));
+        rows.push(row(planner, &start, case));
     }
     if arguments.json {
         return screen::document(&BTreeMap::from([("cases", rows)]));
@@ -127,15 +124,8 @@ fn planner(robot: Robot, mut gripper: Gripper, grasp_centre_y_m: f64) -> PosedPl
     PosedPlanner::new(MotionPlanner::new(robot, gripper, all))
 }
 
-fn row(planner: &PosedPlanner, start: &Start, case: &PlannerCase, general: bool) -> Row {
-    let plan = || {
-        if general {
-            return catch_paper::general::catch_at(&planner.motion, start, &case.target)
-                .ok_or(PlanningFailure::NoMotion);
-        }
-        planner.catch_at(start, &case.target)
-    };
-    let (found, time_ms) = timed(plan);
+fn row(planner: &PosedPlanner, start: &Start, case: &PlannerCase) -> Row {
+    let (found, time_ms) = timed(|| planner.catch_at(start, &case.target));
     let status = match &found {
         Ok(_) => "solved",
         Err(PlanningFailure::OutOfReach) => "out_of_reach",

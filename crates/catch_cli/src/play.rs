@@ -1,6 +1,6 @@
 //! `catchingbot play`: many throws in one life.
 
-use std::{fmt::Write as _, path::PathBuf, sync::Arc};
+use std::{path::PathBuf, sync::Arc};
 
 use catch_body::InputError;
 use catch_body::statistics::wilson95;
@@ -12,7 +12,6 @@ use catch_lab::{
     scenario::{Scenario, setup::Setup},
 };
 use catch_recording::whole_file::{self, COMMAND_LINE};
-use catch_view::pages::{self, packed::text_in_html};
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets::NOTHING};
 use serde::Serialize;
@@ -43,9 +42,6 @@ pub struct PlayArguments {
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
     seed: u64,
-    /// Throw each one alone as well, as `eval` does, and tell both rates
-    #[arg(long)]
-    compare: bool,
     /// Open a page that follows the run, on this machine only; it shows each throw alone, or its recording
     #[arg(long)]
     watch: bool,
@@ -55,9 +51,6 @@ pub struct PlayArguments {
     /// Print one JSON document instead of the table
     #[arg(long)]
     json: bool,
-    /// Write a page with a row for each throw to this file
-    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "out/play.html")]
-    html: Option<PathBuf>,
 }
 
 /// Document of `--json`.
@@ -69,9 +62,6 @@ struct Document<'a> {
     throws: usize,
     caught: usize,
     wilson95: [f64; 2],
-    /// Catches of the same throws as trials of their own.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    caught_alone: Option<usize>,
     caught_per_minute: f64,
     placed: usize,
     identified: usize,
@@ -85,7 +75,7 @@ struct Document<'a> {
 /// Throws, and tells what came of it.
 ///
 /// # Errors
-/// A fault of the input; a page that cannot be written.
+/// A fault of the input; a recording that cannot be written.
 pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     if !(0.0..=600.0).contains(&arguments.every) {
         let expected = "0 to 600 seconds, all of which is simulated";
@@ -93,7 +83,6 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     }
     let PlayArguments { trials: throws, every: every_s, seed, .. } = *arguments;
     let play = Play { setups: setups(arguments)?, throws, every_s, seed, folder: arguments.out.clone() };
-    whole_file::check_new(&arguments.html, "--html")?;
     play.folder.as_ref().map_or(Ok(()), |it| whole_file::make_writable(it, "--out"))?;
     calibrate::before_throws(&play.setups[0], arguments.seed, !arguments.json)?;
     let setups: Vec<Arc<Setup>> =
@@ -119,18 +108,11 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     if let Some(watch) = watch {
         watch.end();
     }
-    let alone = arguments.compare.then(|| alone(&play, life.rows.len()));
-    if let Some(path) = &arguments.html {
-        whole_file::write_new(&[(path.clone(), page(&life).into_bytes())], "--html")?;
-    }
-    let document = document(&play, &life, alone);
+    let document = document(&play, &life);
     if arguments.json {
         return screen::document(&document);
     }
-    tell(&table(&play, &life), &life, &document, alone)?;
-    if let Some(path) = &arguments.html {
-        screen::fact("page", &path.display().to_string())?;
-    }
+    tell(&table(&play, &life), &life, &document)?;
     let shown = life.rows.iter().find(|it| it.placed == Some(true)).or(life.rows.first());
     if let Some((folder, shown)) = arguments.out.as_ref().zip(shown) {
         let file = recording::file(folder, &shown.row.scene);
@@ -158,7 +140,7 @@ fn setups(arguments: &PlayArguments) -> Result<Vec<Setup>, InputError> {
 }
 
 /// Prints the story of a life.
-fn tell(table: &Table, life: &Life, document: &Document, alone: Option<usize>) -> anyhow::Result<()> {
+fn tell(table: &Table, life: &Life, document: &Document) -> anyhow::Result<()> {
     screen::line("")?;
     screen::line(&table.trim_fmt())?;
     screen::line("")?;
@@ -166,9 +148,6 @@ fn tell(table: &Table, life: &Life, document: &Document, alone: Option<usize>) -
     let Document { throws, caught, caught_per_minute, placed, identified, .. } = *document;
     let (broken, exceeded) = (document.limit_violations, document.motion_excursions);
     screen::fact("caught", &format!("{caught} of {throws} ({low:.1}–{high:.1} %), {caught_per_minute:.1} a minute"))?;
-    if let Some(alone) = alone {
-        screen::fact("each throw alone", &format!("{alone} of {throws}"))?;
-    }
     screen::fact("put down", &format!("{placed} of {caught}"))?;
     screen::fact("identified", &format!("{identified} of {throws}"))?;
     screen::fact("limits", &format!("{broken} broken by commands, {exceeded} exceeded by the motion, as at impacts"))?;
@@ -185,19 +164,7 @@ fn tell(table: &Table, life: &Life, document: &Document, alone: Option<usize>) -
     Ok(())
 }
 
-/// Counts the catches of the same throws as trials of their own.
-fn alone(play: &Play, throws: usize) -> usize {
-    let bar = screen::progress_bar(throws, "throws alone");
-    let mut caught = 0;
-    for index in 0..throws as u64 {
-        caught += usize::from(play.alone(index).verdict.caught);
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-    caught
-}
-
-fn document<'a>(play: &'a Play, life: &'a Life, caught_alone: Option<usize>) -> Document<'a> {
+fn document<'a>(play: &'a Play, life: &'a Life) -> Document<'a> {
     let rows = &life.rows;
     let caught = rows.iter().filter(|it| it.row.verdict.caught).count();
     let violations: usize = rows.iter().map(|it| it.row.verdict.limit_violations).sum();
@@ -208,7 +175,6 @@ fn document<'a>(play: &'a Play, life: &'a Life, caught_alone: Option<usize>) -> 
         throws: rows.len(),
         caught,
         wilson95: wilson95(caught, rows.len()),
-        caught_alone,
         caught_per_minute: caught as f64 / life.duration_s * 60.0,
         placed: rows.iter().filter(|it| it.placed == Some(true)).count(),
         identified: rows.iter().filter(|it| it.identified.as_ref() == Some(&it.row.scene.object)).count(),
@@ -253,32 +219,3 @@ fn table(play: &Play, life: &Life) -> Table {
     }
     table
 }
-
-/// One file without network: a row for each throw.
-fn page(life: &Life) -> String {
-    let mut rows = String::new();
-    for (i, PlayRow { row, thrown_s, identified, placed, .. }) in life.rows.iter().enumerate() {
-        let outcome = row.verdict.reason.map_or_else(|| "caught".to_owned(), |reason| reason.to_string());
-        let placed = placed.map_or("", |placed| if placed { "yes" } else { "no" });
-        let class = if row.verdict.caught { "caught" } else { "missed" };
-        let _ = writeln!(
-            rows,
-            "<tr class={class}><td>{}<td>{thrown_s:.1}<td>{}<td>{}<td>{outcome}<td>{placed}",
-            i + 1,
-            text_in_html(&row.scene.object),
-            identified.as_deref().map_or_else(|| "–".to_owned(), text_in_html),
-        );
-    }
-    let caught = life.rows.iter().filter(|it| it.row.verdict.caught).count();
-    let body = format!(
-        "<h1>{caught} of {} caught in {:.1} minutes</h1>\n\
-         <table><tr><th>throw<th>at, s<th>object<th>taken for<th>outcome<th>put down\n{rows}</table>",
-        life.rows.len(),
-        life.duration_s / 60.0,
-    );
-    pages::document("Many throws in one life", "play", STYLE, &body)
-}
-
-/// The looks of the page's table.
-const STYLE: &str = "body{margin:2em}table{border-collapse:collapse}td,th{padding:.2em .8em;text-align:left}\
-     .caught td:nth-child(5){color:var(--good)}.missed td:nth-child(5){color:var(--bad)}tr:nth-child(even){background:var(--card)}";

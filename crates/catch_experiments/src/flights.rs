@@ -6,8 +6,8 @@ use anyhow::{Context, Result};
 use catch_lab::{
     assets::{Asset, Kind, Origin},
     flights::{
-        flight_learning,
-        flight_misses::{Seen, Throw},
+        flight_learning::{self, Lessons},
+        flight_misses::{Seen, Throw, with_all},
         stretches::up,
         track_file,
     },
@@ -65,28 +65,19 @@ pub fn run(options: &Options) -> Result<Findings> {
 
 /// Each object's throws by what other throws taught, and by what the other objects taught.
 fn predicted(options: &Options) -> Result<Vec<Table>> {
-    let (mut own, mut priors) = (Vec::new(), Vec::new());
     let throws = options.tracks.iter().map(|it| read(it)).collect::<Result<Vec<_>>>()?;
-    let throws: Vec<_> = throws.iter().map(|it| flight_learning::studied(it)).collect();
-    let nothing = "no flight in any of the tracks";
-    for (folder, throws) in options.tracks.iter().zip(&throws) {
-        own.push((name(folder), flight_learning::cross_validated(throws, FOLDS, || ()).context(nothing)?));
-        priors.push(flight_learning::learn(&throws.iter().collect::<Vec<_>>()).context(nothing)?);
-    }
-    let mut others = Vec::new();
-    for (at, (folder, throws)) in options.tracks.iter().zip(&throws).enumerate().filter(|_| priors.len() > 1) {
-        let rest: Vec<_> = priors.iter().enumerate().filter(|(i, _)| *i != at).map(|(_, it)| it.clone()).collect();
-        others.push((name(folder), flight_learning::left_out(throws, &rest).context(nothing)?));
-    }
+    let learned = flight_learning::lessons(&throws, FOLDS, || ()).ok();
+    let Lessons { own, others, .. } = learned.context("no flight in any of the tracks")?;
+    let named = |misses| with_all(options.tracks.iter().map(|it| name(it)), misses);
     let seen = || {
         Seen::ALL.map(|seen| match seen {
             Seen::Half => "half of the throw".to_owned(),
             Seen::AllBut(to_go_s) => format!("{to_go_s} s to go"),
         })
     };
-    let mut tables = vec![reliability::table("Ends, learned from other throws of the object", &seen(), own)];
+    let mut tables = vec![reliability::table("Ends, learned from other throws of the object", &seen(), named(own))];
     if !others.is_empty() {
-        tables.push(reliability::table("Ends, learned from the other objects", &seen(), others));
+        tables.push(reliability::table("Ends, learned from the other objects", &seen(), named(others)));
     }
     Ok(tables)
 }

@@ -182,7 +182,7 @@ mod tests {
                 change(&mut wrong, *amount);
                 let is_same_scan = right.known_object.scan.frames.len() == wrong.known_object.scan.frames.len()
                     && format!("{:?}", right.known_object.scan) == format!("{:?}", wrong.known_object.scan);
-                let is_same = is_same_scan && right.brain_config(1, 0) == wrong.brain_config(1, 0);
+                let is_same = is_same_scan && right.brain_config(1) == wrong.brain_config(1);
                 assert!(!is_same, "{belief} {value}: nothing is wrong");
                 assert_eq!(right.scenario.arena, wrong.scenario.arena, "{belief} {value}");
                 assert_eq!(right.conditions(1, 0), wrong.conditions(1, 0), "{belief} {value}");

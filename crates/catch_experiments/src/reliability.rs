@@ -5,7 +5,7 @@ use catch_bot::trajectory_prediction::FlightTrajectory;
 use catch_cell::{Brain, Cell, Command};
 use catch_lab::{
     assets::Kind,
-    flights::flight_misses::{Miss, Misses, QUANTILES, Reliability},
+    flights::flight_misses::{Miss, Misses, QUANTILES, Reliability, with_all},
     parallel,
     referee::true_com_O,
     scenario::setup::{Choice, Setup},
@@ -39,8 +39,9 @@ pub fn run(options: &Options) -> Result<Findings> {
             let throws =
                 parallel::map(usize::try_from(options.trials)?, |index| simulated(&setup, options.seed, index as u64));
             let misses = std::array::from_fn(|at| throws.iter().flatten().map(|it| it[at]).collect());
-            of_objects.push((object.to_owned(), misses));
+            of_objects.push(misses);
         }
+        let of_objects = with_all(Kind::Object.names().into_iter().map(str::to_owned), of_objects);
         tables.push(table(&format!("Simulated, `{scenario}`"), &TO_GO_S.map(|it| format!("{it} s to go")), of_objects));
     }
     Ok(Findings { legend: [LEGEND, COVERED].concat(), tables })
@@ -74,15 +75,11 @@ fn simulated(setup: &Setup, seed: u64, index: u64) -> Option<[Option<Miss>; 4]> 
     }))
 }
 
-/// A line for each object, and for all objects together, with a cell for each time.
-pub fn table(title: &str, times: &[String; 4], mut of_objects: Vec<(String, Misses)>) -> Table {
+/// A line for each object, with a cell for each time.
+pub fn table(title: &str, times: &[String; 4], of_objects: Vec<(String, Misses)>) -> Table {
     let claimed = QUANTILES.map(|(claimed, _)| format!("{:.0}", 100.0 * claimed)).join("/");
     let columns = ["object", "predicted", "throws", "without", "error, cm", &format!("in {claimed} %")];
     let mut table = Table::new(title, &columns).across("predicted");
-    if of_objects.len() > 1 {
-        let pooled = std::array::from_fn(|at| of_objects.iter().flat_map(|(_, it)| it[at].iter().copied()).collect());
-        of_objects.push(("all".to_owned(), pooled));
-    }
     for (object, misses) in of_objects {
         for (time, misses) in times.iter().zip(&misses) {
             let Reliability { throws, failed, median_m, p95_m, covered } = Reliability::of(misses);

@@ -35,7 +35,7 @@ pub(super) fn examine(asset: &Asset) -> Examined {
         let choice = Choice { scenario: Some(scenario), object: Some(&asset.file), ..Choice::default() };
         // A scenario that asks for more than the file has is none for it.
         let Ok(setup) = Setup::load(&choice) else { continue };
-        let config = setup.uncalibrated_config(0, 0).config();
+        let config = setup.uncalibrated_config().config();
         let known = models.iter().position(|(scan, _)| is_same(scan, &setup.known_object.scan));
         let index = known.unwrap_or_else(|| {
             let model = ReferenceModel::from_scan(&setup.known_object.scan);

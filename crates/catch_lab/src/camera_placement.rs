@@ -40,6 +40,10 @@ const LEAST_SD_M: f64 = 3e-4;
 const PRIOR_SD: [f64; 2] = [0.5, 3.0];
 /// Longest flight that is looked at, in seconds.
 const LONGEST_S: f64 = 1.5;
+/// Times from the decision and from the start of finger closing to the catch.
+pub const DECISION_S: f64 = 0.3;
+/// The latter.
+pub const CLOSING_S: f64 = 0.12;
 /// Times that each throw is sampled at, at most.
 const TICK_S: f64 = 0.01;
 /// Quantiles of the flights' times at whose mean places cameras may be aimed.
@@ -62,10 +66,6 @@ pub struct Config {
     pub volume_m: [[f64; 3]; 2],
     /// Distance between neighbouring places on a wall.
     pub spacing_m: f64,
-    /// Time from the decision to the catch.
-    pub decision_s: f64,
-    /// Time from the start of finger closing to the catch.
-    pub closing_s: f64,
     /// No camera is nearer than this to any flight.
     pub clear_m: f64,
     /// No camera shows less of the arm than this: the fraction of the joints within its image, over random
@@ -81,8 +81,6 @@ impl Default for Config {
             seed: 1,
             volume_m: [[-1.2, -1.6, 0.4], [2.2, 2.2, 2.2]],
             spacing_m: 0.4,
-            decision_s: 0.3,
-            closing_s: 0.12,
             clear_m: 0.4,
             arm_fraction: 0.8,
         }
@@ -210,10 +208,6 @@ impl<'a> PlacementStudy<'a> {
                 return Err(InputError::new(COMMAND_LINE, "--from and --to", found, expected));
             }
         }
-        if config.closing_s >= config.decision_s {
-            let expected = format!("less than the {} s of --decision", config.decision_s);
-            return Err(InputError::new(COMMAND_LINE, "--closing", config.closing_s, expected));
-        }
         // The information of each place about each throw is kept.
         let sides = [0, 1, 2].map(|axis| (to[axis] - from[axis]) / config.spacing_m + 1.0);
         let places = 2.0 * (sides[0] + sides[1]) * sides[2] + sides[0] * sides[1];
@@ -237,9 +231,9 @@ impl<'a> PlacementStudy<'a> {
             SampledFlight { catch_s: p_WO.len().saturating_sub(1) as f64 * TICK_S, p_WO }
         };
         let flights: Vec<SampledFlight> = (0..config.throws).map(flight).collect();
-        if let Some(it) = flights.iter().find(|it| it.catch_s <= config.decision_s) {
-            let expected = format!("less than the {:.2} s that a throw takes", it.catch_s);
-            return Err(InputError::new(COMMAND_LINE, "--decision", config.decision_s, expected));
+        if let Some(it) = flights.iter().find(|it| it.catch_s <= DECISION_S) {
+            let (found, expected) = (format!("{:.2} s in the air", it.catch_s), format!("more than {DECISION_S} s"));
+            return Err(InputError::new(COMMAND_LINE, "--throw", found, expected));
         }
         let arm = ArmSurface::new(&setup.robot, &setup.gripper);
         Ok(Self { setup, config, flights, arm, joints: arm_view::joint_places(&setup.robot, config.seed) })
@@ -263,9 +257,9 @@ impl<'a> PlacementStudy<'a> {
             let told: Vec<_> = told.map(|(camera, sight)| self.information(camera, sight, ahead_s)).collect();
             move |throw: usize| deviation_m(&told.iter().map(|it| it[throw]).sum())
         };
-        let (decision_m, closing_m) = (deviations(self.config.decision_s), deviations(self.config.closing_s));
+        let (decision_m, closing_m) = (deviations(DECISION_S), deviations(CLOSING_S));
         let of_throw = |(throw, flight): (usize, &SampledFlight)| {
-            let until = ((flight.catch_s - self.config.decision_s) / TICK_S) as usize;
+            let until = ((flight.catch_s - DECISION_S) / TICK_S) as usize;
             let is_seen = |tick: &usize| sights.iter().filter(|it| it[throw][*tick]).count() >= 2;
             FlightScore {
                 shown_by_two_s: (0..until).filter(is_seen).count() as f64 * TICK_S,
@@ -280,7 +274,7 @@ impl<'a> PlacementStudy<'a> {
             shown_by_two: fraction(by_two),
             shown: sights.iter().map(shown).collect(),
             arm_shown: cameras.iter().map(|camera| arm_view::shown(camera, &self.joints)).collect(),
-            expected_rate: expected_rate::rate(self.setup, self.config, &flights),
+            expected_rate: expected_rate::rate(self.setup, &flights),
             flights,
         }
     }
@@ -295,7 +289,7 @@ impl<'a> PlacementStudy<'a> {
         let told = |camera: &CameraModel| {
             let sight = self.sight(camera);
             let at = |ahead_s: f64| self.information(camera, &sight, ahead_s);
-            [at(self.config.decision_s), at(self.config.closing_s)].concat()
+            [at(DECISION_S), at(CLOSING_S)].concat()
         };
         let told: Vec<Vec<Matrix6<f64>>> = candidates.iter().map(told).collect();
         if candidates.is_empty() {
@@ -595,10 +589,6 @@ mod tests {
         let fault = |config: Config| PlacementStudy::new(&setup, &config).map(drop).unwrap_err().to_string();
         let swapped = fault(Config { volume_m: [[1.0; 3], [0.0; 3]], ..config(1) });
         assert!(swapped.contains("--from and --to"), "{swapped}");
-        let late = fault(Config { decision_s: 1.4, ..config(1) });
-        assert!(late.contains("--decision"), "{late}");
-        let closing = fault(Config { closing_s: 0.5, decision_s: 0.3, ..config(1) });
-        assert!(closing.contains("--closing"), "{closing}");
         let dense = fault(Config { spacing_m: 0.05, throws: 1000, ..config(1) });
         assert!(dense.contains("--spacing and --trials"), "{dense}");
         let everywhere = Config { clear_m: 20.0, ..config(1) };

@@ -28,7 +28,7 @@ use crate::{
         faulty_cameras::{FaultyCamera, faulty_cameras},
     },
     scenario::setup::Setup,
-    trial::{self, EndWatch, StateSnapshot, Trial, stopwatch::Stopwatch},
+    trial::{EndWatch, StateSnapshot, Trial, stopwatch::Stopwatch},
 };
 use catch_recording::Tick;
 use throw_recorder::ThrowRecorder;
@@ -113,13 +113,6 @@ impl Play {
     pub fn object(&self, index: u64) -> usize {
         let count = self.setups.len();
         ((Draws::new(Stream::Object, self.seed, index).unit() * count as f64) as usize).min(count - 1)
-    }
-
-    /// Runs the same throw as a trial of its own, in another arena and by another brain.
-    pub fn alone(&self, index: u64) -> Row {
-        let setup = &self.setups[self.object(index)];
-        let trial = trial::run_unobserved(&mut setup.brain(self.seed, index), setup, self.seed, index);
-        Row::new(setup, self.seed, index, referee::judge(setup, &trial))
     }
 
     /// Lets all of it happen; `on_row` is told of each throw as soon as the next one flies.

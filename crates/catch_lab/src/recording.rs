@@ -35,6 +35,7 @@ const LONGEST_NAME: usize = 80;
 pub type LabReader = RecordingReader<Simulation, GroundTruth>;
 
 /// A throw in the arena.
+#[quantity::checked]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Simulation {
     /// Scene of the throw.
@@ -43,8 +44,8 @@ pub struct Simulation {
     pub scenario: Scenario,
     /// Time of the release on the clock of many throws; `None` for a throw of its own. Such a recording
     /// cannot be replayed: the brain remembers earlier throws.
-    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "quantity::clock_s")]
-    pub thrown_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub thrown_s: quantity::clock_s<Option<f64>>,
 }
 
 impl Channel for Simulation {}
@@ -84,7 +85,8 @@ impl Channel for GroundTruth {
 /// Returns the cell that the brain of throw number `index` of `seed` is made from.
 pub fn cell(setup: &Setup, seed: u64, index: u64) -> RecordedCell {
     RecordedCell {
-        brain: setup.brain_config(seed, index),
+        seed: setup.brain_seed(seed, index),
+        brain: setup.brain_config(seed),
         sources: setup.sources.clone(),
         ready_rad: setup.robot.ready_q.as_slice()[..setup.robot.dof()].to_vec(),
         cameras: setup.believed_cameras(seed),

@@ -14,14 +14,14 @@ use crate::assets::{Asset, Kind, nearest};
 use catch_recording::{brain::BrainSettings, whole_file::COMMAND_LINE};
 
 /// Time that the computation of a command costs.
+#[quantity::checked(rename_all = "snake_case")]
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
 pub enum Clock {
     /// Nothing, as in the paper: a command arrives at the instant of what it answers.
     #[default]
     Free,
     /// A constant time in milliseconds.
-    FixedMs(#[serde(deserialize_with = "quantity::latency_ms")] f64),
+    FixedMs(quantity::latency_ms),
     /// The wall time of the brain's tick on this machine. The only clock with which a trial is not the same
     /// every time.
     Charged,
@@ -41,8 +41,8 @@ impl Clock {
 
 /// A scenario's file: a composition of each module's own settings. What it does not say is that of the
 /// scenario which it names as `extends`, or else the module's default.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Scenario {
     /// Name. Results call a scenario by its file's name, and by what is different from the file.
     pub name: String,
@@ -64,12 +64,10 @@ pub struct Scenario {
     /// Throw that is used by default.
     pub throw: String,
     /// Joint positions in radians where the arm waits; the robot's own ready pose if left out.
-    #[serde(default, deserialize_with = "quantity::angle_rad")]
-    pub ready_rad: Option<Vec<f64>>,
+    pub ready_rad: quantity::angle_rad<Option<Vec<f64>>>,
     /// Joint positions in radians in which the gripper opens to put down what was caught; needed where a
     /// brain lives for many throws.
-    #[serde(default, deserialize_with = "quantity::angle_rad")]
-    pub place_rad: Option<Vec<f64>>,
+    pub place_rad: quantity::angle_rad<Option<Vec<f64>>>,
     /// Multiplies the arm's limits. Anything but 1, the default, is not the real arm, and the scenario's name
     /// should say so.
     #[serde(default)]
@@ -100,18 +98,15 @@ pub struct Scenario {
 /// A calibration before all throws of a seed: the cameras stand where the rig's file says, and are believed
 /// to stand elsewhere until the arm has calibrated them. The brain has what comes out, and what is claimed of
 /// it.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct CalibrationSettings {
     /// Standard deviation of what is believed before, along each axis of a camera, in metres.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub position_sd_m: f64,
+    pub position_sd_m: quantity::error_m,
     /// Standard deviation of the rotation believed before, about each axis of a camera, in degrees.
-    #[serde(deserialize_with = "quantity::error_deg")]
-    pub rotation_sd_deg: f64,
+    pub rotation_sd_deg: quantity::error_deg,
     /// Poses of the arm, at most.
-    #[serde(deserialize_with = "quantity::poses")]
-    pub poses: usize,
+    pub poses: quantity::poses<usize>,
 }
 
 impl Default for CalibrationSettings {
@@ -147,14 +142,6 @@ impl Scenario {
     /// ranges, values that do not fit together.
     pub fn faults(&self, file: &str) -> Vec<InputError> {
         let mut faults = self.arena.faults(file, "arena");
-        if self.brain.seed != 0 {
-            faults.push(InputError::new(
-                file,
-                "brain.seed",
-                self.brain.seed,
-                "nothing: every trial has its own, from --seed",
-            ));
-        }
         let depth = &self.arena.depth;
         if self.calibration.is_some() && (depth.calibration_sd_m > 0.0 || depth.calibration_sd_rad > 0.0) {
             let found = depth.calibration_sd_m.max(depth.calibration_sd_rad);
@@ -353,7 +340,6 @@ mod tests {
             ("brain.perception.camera_sd_rad=inf", "brain.perception.camera_sd_rad: found inf"),
             ("ready_rad=[0, 0, 0, 0, 0, 0, inf]", "ready_rad[6]: found inf, expected a finite number"),
             ("brain.trajectory_optimization.terminal_velocity_scaling=1.5", "0.01 to 1"),
-            ("brain.seed=7", "--seed"),
         ] {
             let fault = set(&[setting]).unwrap_err().to_string();
             assert!(fault.contains(expected), "{fault}");

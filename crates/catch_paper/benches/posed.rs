@@ -1,4 +1,4 @@
-//! Planning a catch whose time and pose are given: cold, after a small change, and by the general form.
+//! Planning a catch whose time and pose are given: cold and after a small change.
 //!
 //! `cargo bench -p catch_paper`. `catchingbot plan` measures files of such catches the same way.
 
@@ -8,10 +8,7 @@
 mod arm;
 
 use catch_body::Pose;
-use catch_paper::{
-    general,
-    posed::{PosedPlanner, Target},
-};
+use catch_paper::posed::{PosedPlanner, Target};
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -44,9 +41,6 @@ fn given_pose(criterion: &mut Criterion) {
     criterion.bench_function("given_pose/cold", |bencher| bencher.iter(|| planner.catch_at(&start, &target)));
     criterion
         .bench_function("given_pose/5 mm aside", |bencher| bencher.iter(|| planner.retarget_at(&start, &aside, &plan)));
-    criterion.bench_function("given_pose/general form", |bencher| {
-        bencher.iter(|| general::catch_at(&planner.motion, &start, &target));
-    });
 }
 
 criterion_group!(benches, given_pose);

@@ -27,10 +27,9 @@
 //! ```
 //!
 //! [`sqp`] is the general nonlinear form of the trajectory optimization over all joints at once, for any arm.
-//! Catches whose time and pose are given, as the paper's are, [`general`] plans with it and [`posed`] with
-//! our own motions, or proves them out of reach.
+//! Catches whose time and pose are given, as the paper's are, [`posed`] plans with our own motions, or proves
+//! them out of reach.
 
-pub mod general;
 pub mod grasp;
 pub mod motion;
 pub mod planner;

@@ -19,7 +19,7 @@ use catch_cell::{BSpline, Setpoint};
 use nalgebra::{Point3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
-use crate::sqp::{MET, Problem, StartState, Tolerance, Waypoint, clamped_knots};
+use crate::sqp::{MET, Problem, Tolerance, Waypoint, clamped_knots};
 
 /// Duration of the first guess in the authors' code, whatever the catch time.
 const FIRST_GUESS_S: f64 = 1.0;
@@ -70,9 +70,6 @@ const REPLAN_TIME_S: f64 = 0.01;
 /// next (code).
 const ROUNDS: usize = 12;
 const TIGHTENING: f64 = 0.875;
-/// Weight of the distance from the comfortable pose. It makes the programs convex; any motion within the
-/// tolerances will do, as in the code.
-const COMFORT_WEIGHT: f64 = 1e-4;
 /// Time for which the spline goes on after the catch, in seconds (code).
 const TAIL_S: f64 = 0.6;
 /// Distance of the point that the code welds to the gripper's origin beyond it, along the approach, in
@@ -292,16 +289,13 @@ fn problem<'a>(
         robot,
         knots_s: clamped_knots(start.time_s, end_s, CONTROL_POINTS),
         start: start.state,
-        keeps_start: if config.starts_anywhere { StartState::Nothing } else { StartState::Acceleration },
+        keeps_start: !config.starts_anywhere,
         stretch: [1.0 - by, 1.0 + by],
         stretch_guess,
         limits,
         waypoints: from.into_iter().chain(catch).collect(),
-        speed_fraction: [SPEED_FRACTION; 2],
+        speed_fraction: SPEED_FRACTION,
         comfortable_q: (!config.goes_on).then_some(robot.comfortable_q),
-        comfort_weight: COMFORT_WEIGHT,
-        speed_weight: 0.0,
-        first_will_do: true,
     }
 }
 

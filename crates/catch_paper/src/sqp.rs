@@ -2,15 +2,15 @@
 //! once.
 //!
 //! ```text
-//!     min   ½w·Σ|Pᵢ − q₀|² − κ·s + ρ·Σ max(0, |e| − tolerance)
+//!     min   ½w·Σ|Pᵢ − q₀|² + ρ·Σ max(0, |e| − tolerance)
 //!     P, s
-//!     s.t.  q(0), q̇(0), q̈(0) as they are,   position, velocity and acceleration limits on control points,   s within its range
+//!     s.t.  q(0), q̇(0), q̈(0) as they are,   position, velocity and acceleration limits on control points,   s as it is given
 //! ```
 //! P are the control points of a cubic B-spline, s the fraction of the object's velocity at which the gripper
 //! moves along, e the errors at the waypoints ([`Waypoint`]): pose of the gripper and velocity of one of its
 //! points. The arm may have any kinematics; no closed form is asked for. What the closed forms of
 //! [`MotionPlanner`](catch_bot::trajectory_optimization::MotionPlanner) solve exactly and faster, this solves
-//! for everything else.
+//! as the paper does.
 //!
 //! Sequential quadratic programming with an exact penalty in a trust region (Fletcher, Practical Methods of
 //! Optimization, section 14.4, Sℓ₁QP): the limits are linear in P and kept by every iterate, the errors are
@@ -26,7 +26,7 @@ use catch_body::JointVector;
 use catch_bot::trajectory_optimization::quadratic_program::ProgramFailure;
 use catch_cell::{BSpline, arm::Setpoint, spline::DEGREE};
 use layout::{Layout, PRICE};
-pub use problem::{Problem, Solution, StartState};
+pub use problem::{Problem, Solution};
 pub use waypoint::{Tolerance, Waypoint};
 
 /// Quadratic programs at most.
@@ -41,9 +41,7 @@ const CORRECTABLE: f64 = 1e-4;
 const CORRECTION_RADIUS: f64 = 100.0;
 /// An excess below this is none.
 pub const MET: f64 = 1e-8;
-/// A model that promises to gain less than this, relative, has converged: where the waypoints are met, and
-/// where not.
-const CONVERGED: f64 = 1e-5;
+/// A model that promises to gain less than this, relative, has converged.
 const LEAST_GAIN: f64 = 1e-9;
 
 impl Problem<'_> {
@@ -59,12 +57,13 @@ impl Problem<'_> {
     pub fn solve(&self, guess: &[JointVector]) -> Result<Solution, ProgramFailure> {
         let layout = Layout::new(self);
         let limits = layout.limit_rows(self).ok_or(ProgramFailure::Infeasible)?;
-        let mut x = layout.feasible(&limits, guess, self.speed_fraction[1], self.stretch_guess)?;
+        let mut x = layout.feasible(&limits, guess, self.speed_fraction, self.stretch_guess)?;
         let mut now = layout.linearize(self, &x);
         let mut radius = RADIUS;
         let mut iterations = 0;
         while iterations < ITERATIONS && radius > LEAST_RADIUS {
-            if self.first_will_do && layout.excess(self, &now) < MET {
+            // Any motion that meets the waypoints within their tolerances will do.
+            if layout.excess(self, &now) < MET {
                 break;
             }
             iterations += 1;
@@ -77,8 +76,7 @@ impl Problem<'_> {
             let merit = layout.objective(self, &x) + PRICE * layout.violation(self, &now, None);
             let promised =
                 merit - layout.objective(self, &candidate) - PRICE * layout.violation(self, &now, Some((&x, &step)));
-            let enough = if layout.excess(self, &now) < MET { CONVERGED } else { LEAST_GAIN };
-            if promised < enough * (1.0 + merit.abs()) {
+            if promised < LEAST_GAIN * (1.0 + merit.abs()) {
                 break;
             }
             let next = layout.linearize(self, &candidate);
@@ -132,17 +130,14 @@ impl Problem<'_> {
     /// P₀ = q, P₁ = q + q̇·h₁/3, and P₂ from q̈ = 2·(V₁ − V₀)/h₁ with V the control points of the velocity,
     /// h₁ being the first span.
     fn fixed_points(&self) -> Vec<JointVector> {
-        if self.keeps_start == StartState::Nothing {
+        if !self.keeps_start {
             return Vec::new();
         }
         let t = &self.knots_s;
         let first_span = t[DEGREE + 1] - t[1];
-        let mut points = vec![self.start.q, self.start.q + self.start.dq * (first_span / 3.0)];
-        if self.keeps_start == StartState::Acceleration {
-            let V1 = self.start.dq + self.start.ddq * (first_span / 2.0);
-            points.push(points[1] + V1 * ((t[DEGREE + 2] - t[2]) / 3.0));
-        }
-        points
+        let P1 = self.start.q + self.start.dq * (first_span / 3.0);
+        let V1 = self.start.dq + self.start.ddq * (first_span / 2.0);
+        vec![self.start.q, P1, P1 + V1 * ((t[DEGREE + 2] - t[2]) / 3.0)]
     }
 }
 
@@ -192,16 +187,13 @@ pub(crate) mod tests {
             robot,
             knots_s: clamped_knots(0.0, 0.5, 8),
             start,
-            keeps_start: StartState::Acceleration,
+            keeps_start: true,
             stretch: [1.0; 2],
             stretch_guess: 1.0,
             limits,
             waypoints: vec![waypoint],
-            speed_fraction: [0.0, 0.3],
+            speed_fraction: 0.0,
             comfortable_q: Some(robot.comfortable_q),
-            comfort_weight: 0.01,
-            speed_weight: 1.0,
-            first_will_do: false,
         }
     }
 
@@ -242,10 +234,10 @@ pub(crate) mod tests {
         let start = Waypoint { time_s: 0.0, X_WG, p_GP, v_WO, fraction: Some(1.0), tolerance };
         problem.waypoints[0].tolerance = tolerance;
         problem.waypoints.push(start);
-        problem.keeps_start = StartState::Nothing;
+        problem.keeps_start = false;
         problem.stretch = [0.98, 1.02];
-        problem.speed_fraction = [0.3; 2];
-        (problem.comfortable_q, problem.first_will_do) = (None, true);
+        problem.speed_fraction = 0.3;
+        problem.comfortable_q = None;
         problem.limits.iter_mut().for_each(|limits| limits.acceleration = f64::INFINITY);
         let found = problem.solve(&[problem.start.q; 8]).unwrap();
         assert!(found.excess < MET, "{found:?}");

@@ -130,7 +130,8 @@ impl Brain {
         let arm = robot.model.clone().with_mount_of(&hand);
         check_waits_clear(&arm, &hand, "workcell").map_err(input_fault)?;
         let cell = RecordedCell {
-            brain: BrainSettings { seed, ..settings }.given(&object.figures, &cameras),
+            seed,
+            brain: settings.given(&object.figures, &cameras),
             sources: robot.sources(gripper),
             ready_rad: robot.model.ready_q.as_slice()[..robot.model.dof()].to_vec(),
             cameras: cameras.clone(),
@@ -141,7 +142,7 @@ impl Brain {
             let map = reach_map::of(&arm);
             let (config, cameras) = (cell.brain.config(), cell.cameras.clone());
             let known = Preparation::new(config, (arm, map), hand, cameras, &cell.reference_scan)?;
-            Ok((cell.brain.brain(Arc::new(known), cell.brain.seed), cell))
+            Ok((cell.brain.brain(Arc::new(known), cell.seed), cell))
         })?;
         let (brain, cell) = prepared.map_err(input_fault)?;
         let brain = Mutex::new((Box::new(brain), Stopwatch::default()));

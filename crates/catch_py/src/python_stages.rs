@@ -27,9 +27,8 @@ use crate::{
 /// Brains of the scenario, but for stages that are made in Python.
 pub fn factory(predictor: Option<Maker>, planner: Option<Maker>) -> BrainFactory {
     BrainFactory::new(move |setup, seed, index| {
-        let (known, settings) = (setup.known_for(seed), setup.brain_config(seed, index));
-        let seed_of_brain = settings.seed;
-        let (estimator, ours, planning) = settings.stages(&known, seed_of_brain);
+        let (known, settings) = (setup.known_for(seed), setup.brain_config(seed));
+        let (estimator, ours, planning) = settings.stages(&known, setup.brain_seed(seed, index));
         let predictor: Box<dyn FlightPredictor> = match &predictor {
             None => ours,
             Some(maker) => Box::new(PythonPredictor(maker.make(seed, index))),

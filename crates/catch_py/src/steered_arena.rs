@@ -108,7 +108,7 @@ impl SteeredArena {
 /// Creates the perception and prediction of one scene.
 fn eyes(setup: &Setup, seed: u64, index: u64) -> CatchingBot {
     let known = setup.known_for(seed);
-    let seed = setup.brain_config(seed, index).seed;
+    let seed = setup.brain_seed(seed, index);
     let (estimator, predictor) = (Box::new(known.pose_estimator()), Box::new(known.flight_predictor(seed)));
     CatchingBot::with_stages(known, estimator, predictor, Box::new(NoPlanner))
 }

@@ -35,8 +35,6 @@ impl Display for Method {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BrainSettings {
-    /// Seed of everything that is drawn at random.
-    pub seed: u64,
     /// Estimation of the object's pose from images.
     pub perception: perception::Config,
     /// Prediction of the flight from poses.
@@ -47,14 +45,12 @@ pub struct BrainSettings {
     pub trajectory_optimization: trajectory_optimization::Config,
     /// Commands and their timing.
     pub control: control::Config,
-    /// Method of all stages that name none of their own.
+    /// Method of catch planning, and of the other stages that name none of their own.
     pub method: Method,
     /// Method of pose estimation, if not `method`.
     pub pose_estimation: Option<Method>,
     /// Method of flight prediction, if not `method`.
     pub flight_prediction: Option<Method>,
-    /// Method of catch planning, if not `method`.
-    pub catch_planning: Option<Method>,
     /// Settings of the paper's method alone.
     pub paper_method: catch_paper::Config,
 }
@@ -62,9 +58,9 @@ pub struct BrainSettings {
 impl BrainSettings {
     /// Settings for the preparation, which every brain needs, whatever the method of its stages.
     pub fn config(&self) -> Config {
-        let Self { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control, .. } =
+        let Self { perception, trajectory_prediction, grasp_selection, trajectory_optimization, control, .. } =
             self.clone();
-        Config { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control }
+        Config { perception, trajectory_prediction, grasp_selection, trajectory_optimization, control }
     }
 
     /// Returns these settings adapted to the given object and cameras ([`Config::given`]).
@@ -76,9 +72,8 @@ impl BrainSettings {
 
     /// These settings with other ones for the preparation.
     fn with(self, config: Config) -> Self {
-        let Config { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control } =
-            config;
-        Self { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control, ..self }
+        let Config { perception, trajectory_prediction, grasp_selection, trajectory_optimization, control } = config;
+        Self { perception, trajectory_prediction, grasp_selection, trajectory_optimization, control, ..self }
     }
 
     /// A brain of the stages that the settings choose; it draws at random from `seed`.
@@ -112,7 +107,7 @@ impl BrainSettings {
 
     /// The planner that the settings choose; it draws at random from `seed`.
     pub fn catch_planner(&self, known: &Preparation, seed: u64) -> Box<dyn CatchPlanner> {
-        match self.catch_planning.unwrap_or(self.method) {
+        match self.method {
             Method::Ours => Box::new(known.catch_planner()),
             Method::Paper => Box::new(PaperPlanner::new(self.paper_method, known, seed)),
         }

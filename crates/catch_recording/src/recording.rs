@@ -54,15 +54,17 @@ pub struct Header<Simulation> {
 }
 
 /// Cell as a brain has it: enough to build the same brain again.
+#[quantity::checked]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedCell {
+    /// Seed of everything that the brain draws at random.
+    pub seed: u64,
     /// The brain's settings as it was given them.
     pub brain: BrainSettings,
     /// Texts of robot and gripper.
     pub sources: Sources,
     /// Joint positions in which the arm waits.
-    #[serde(deserialize_with = "quantity::angle_rad")]
-    pub ready_rad: Vec<f64>,
+    pub ready_rad: quantity::angle_rad<Vec<f64>>,
     /// The cameras as the brain believes them to be.
     pub cameras: Vec<CameraModel>,
     /// Reference scan of the object's shape.
@@ -99,19 +101,17 @@ pub struct RecordedReport {
 }
 
 /// A plan without its motion.
+#[quantity::checked]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedPlan {
     /// Time at which the object is at the grasp centre.
-    #[serde(deserialize_with = "quantity::clock_s")]
-    pub catch_s: f64,
+    pub catch_s: quantity::clock_s,
     /// Direction from which the object enters the gripper.
     pub approach: Approach,
     /// Pose of the gripper then.
-    #[serde(deserialize_with = "quantity::pose")]
-    pub X_WG: Pose,
+    pub X_WG: quantity::pose<Pose>,
     /// Joint positions then, in radians.
-    #[serde(deserialize_with = "quantity::joint_rad")]
-    pub q: JointVector,
+    pub q: quantity::joint_rad<JointVector>,
     /// Fraction of the object's velocity at which the gripper moves along.
     pub speed_fraction: f64,
     /// Opening before the catch.

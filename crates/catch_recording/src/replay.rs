@@ -87,7 +87,7 @@ pub fn brain_of(cell: &RecordedCell) -> Result<CatchingBot, InputError> {
         |it: InputError| InputError { file: "the recording".to_owned(), field: format!("brain.{}", it.field), ..it };
     let reach_map = reach_map::of(&robot);
     let known = Preparation::new(config, (robot, reach_map), gripper, cameras, &cell.reference_scan).map_err(fault)?;
-    Ok(cell.brain.brain(Arc::new(known), cell.brain.seed))
+    Ok(cell.brain.brain(Arc::new(known), cell.seed))
 }
 
 /// Compares two commands bit for bit: as equal numbers, −0 and 0 would pass.

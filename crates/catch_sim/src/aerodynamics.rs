@@ -34,21 +34,18 @@ fn deviation(inertia_kgm2: &Matrix3<f64>, size: f64, phase: f64) -> Matrix3<f64>
 
 /// Ranges of the aerodynamic forces of a throw. All zero by default: the air brakes an object alike from all
 /// sides, if at all.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct AerodynamicsConfig {
     /// Largest relative deviation of an object's drag along one of its principal axes of inertia from the
     /// mean of the three. Every throw draws the largest deviation uniformly up to this, and how it is
     /// divided; axes of equal moments of inertia have equal drag, so none deviates in a ball. It takes effect
     /// only with drag.
-    #[serde(deserialize_with = "quantity::spread")]
-    pub drag_anisotropy: f64,
+    pub drag_anisotropy: quantity::spread,
     /// Every throw draws its Magnus coefficient c_M of a = c_M·ω×v uniformly up to this.
-    #[serde(deserialize_with = "quantity::magnus")]
-    pub max_magnus: f64,
+    pub max_magnus: quantity::magnus,
     /// Every throw draws the decay c of its spin, ω̇ = −c·ω, uniformly up to this, in 1/s.
-    #[serde(deserialize_with = "quantity::decay_per_s")]
-    pub max_spin_decay_per_s: f64,
+    pub max_spin_decay_per_s: quantity::decay_per_s,
 }
 
 /// The aerodynamic coefficients of one throw.

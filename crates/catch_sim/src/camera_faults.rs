@@ -5,17 +5,16 @@ use catch_cell::CameraModel;
 use serde::{Deserialize, Serialize};
 
 /// A camera that fails.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct CameraFault {
     /// Number of the camera in its rig, from 0 on.
-    #[serde(deserialize_with = "quantity::camera_number")]
-    pub camera: usize,
+    pub camera: quantity::camera_number<usize>,
     /// Kind of the fault.
     pub kind: CameraFaultKind,
     /// Start of the fault, in seconds on the cell's clock.
-    #[serde(default, deserialize_with = "quantity::clock_s")]
-    pub from_s: f64,
+    #[serde(default)]
+    pub from_s: quantity::clock_s,
 }
 
 /// Kind of a camera's fault.
@@ -35,21 +34,19 @@ pub enum CameraFaultKind {
 }
 
 /// Camera whose images are exchanged with those of this one.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct SwappedCamera {
     /// Number of the other camera, whose images are as large.
-    #[serde(deserialize_with = "quantity::camera_number")]
-    pub with: usize,
+    pub with: quantity::camera_number<usize>,
 }
 
 /// Displacement of a camera that was pushed.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Push {
     /// Displacement in W, in metres.
-    #[serde(deserialize_with = "quantity::offset_m")]
-    pub by_m: [f64; 3],
+    pub by_m: quantity::offset_m<[f64; 3]>,
 }
 
 impl CameraFault {

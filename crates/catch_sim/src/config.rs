@@ -11,8 +11,8 @@ use crate::{
 };
 
 /// Settings of the arena. The defaults are the paper's where the paper says something.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct ArenaConfig {
     /// Drive model of the gripper. `ideal`: as strong as the real one, without limit of speed beyond the
     /// fingers' own inertia and without latency. `real`: within the limits of its file, with the connection
@@ -32,28 +32,22 @@ pub struct ArenaConfig {
     /// Coulomb friction coefficient of all contacts: a number, or `{ min, max }` from which every throw draws
     /// one. Default 0.667, to which the paper's simulator combines its materials; there is no sourced value
     /// for rubber on felt. An object whose own file has a friction coefficient keeps that.
-    #[serde(deserialize_with = "quantity::friction")]
-    pub friction: Drawn,
+    pub friction: quantity::friction<Drawn>,
     /// Multiplies the object's own restitution.
-    #[serde(deserialize_with = "quantity::factor")]
-    pub restitution_scale: f64,
+    pub restitution_scale: quantity::factor,
     /// Every throw draws its restitution uniformly within this fraction around that. None in the paper.
-    #[serde(deserialize_with = "quantity::spread")]
-    pub restitution_spread: f64,
+    pub restitution_spread: quantity::spread,
     /// Aerodynamic drag on the object. Off by default, as in the paper.
     pub drag: bool,
     /// Every throw draws its drag uniformly within this fraction around the object's own. None by default.
-    #[serde(deserialize_with = "quantity::spread")]
-    pub drag_spread: f64,
+    pub drag_spread: quantity::spread,
     /// Aerodynamic effects besides the mean drag. Off by default.
     pub aerodynamics: AerodynamicsConfig,
     /// Velocity of the air in W, in m/s; it counts where there is drag.
-    #[serde(deserialize_with = "quantity::wind_mps")]
-    pub wind: [f64; 3],
+    pub wind: quantity::wind_mps<[f64; 3]>,
     /// Every throw spins about a random axis at a rate drawn uniformly up to this one, besides what the
     /// throw's own file says. None in the paper; people throw small things with up to 25 rad/s.
-    #[serde(deserialize_with = "quantity::speed_radps")]
-    pub max_spin_radps: f64,
+    pub max_spin_radps: quantity::speed_radps,
     /// Errors of the robot's encoders and of its model.
     pub robot_errors: RobotErrors,
     /// Deviations of the robot controller from an ideal one.
@@ -75,19 +69,16 @@ pub struct ArenaConfig {
     pub thrower: bool,
     /// Observations per second, each with an image of every camera unless these run freely. Default 100 Hz
     /// (paper, IV).
-    #[serde(deserialize_with = "quantity::rate_hz")]
-    pub frame_rate_hz: f64,
+    pub frame_rate_hz: quantity::rate_hz,
     /// Free-running cameras: each takes its images at the `rate_hz` of its rig's file, else at
     /// `frame_rate_hz`, and at a phase that every throw draws. An observation has the images that have
     /// arrived since the last one. Off by default.
     pub free_running_cameras: bool,
     /// Latency of an image, in seconds: a number, or `{ min, max }` from which every image draws. The images
     /// of a camera arrive in their order.
-    #[serde(deserialize_with = "quantity::latency_s")]
-    pub latency_s: Drawn,
+    pub latency_s: quantity::latency_s<Drawn>,
     /// Time step of the physics and period of the servo. Default 1 ms.
-    #[serde(deserialize_with = "quantity::step_s")]
-    pub step_s: f64,
+    pub step_s: quantity::step_s,
 }
 
 /// Drive model of the gripper.
@@ -119,48 +110,34 @@ pub enum GripperTrigger {
 }
 
 /// Errors of the robot's encoders and of its model. All zero by default, as in the paper.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct RobotErrors {
     /// Standard deviation of what a joint's encoder reads, in radians. Robot controller and brain know the
     /// joints by it: unless this and the step are zero, a reading is one control cycle old, and velocities
     /// are estimated from positions.
-    #[serde(deserialize_with = "quantity::error_rad")]
-    pub encoder_sd_rad: f64,
+    pub encoder_sd_rad: quantity::error_rad,
     /// Step in which an encoder reads, in radians.
-    #[serde(deserialize_with = "quantity::error_rad")]
-    pub encoder_step_rad: f64,
+    pub encoder_step_rad: quantity::error_rad,
     /// Every link's mass and inertia are drawn uniformly within this fraction around the model that the robot
     /// controller computes with.
-    #[serde(deserialize_with = "quantity::spread")]
-    pub link_mass_spread: f64,
+    pub link_mass_spread: quantity::spread,
     /// Standard deviation of how far the surface of each link that cameras see is outside of the model, in
     /// metres. Covers, cables and labels on the links rise up to 15 times as far.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub link_surface_sd_m: f64,
+    pub link_surface_sd_m: quantity::error_m,
     /// Displacement of the gripper from the mounting in the model, in a random direction, in metres.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub tool_position_m: f64,
+    pub tool_position_m: quantity::error_m,
     /// Rotation of the gripper from the mounting in the model, about a random axis, in degrees.
-    #[serde(deserialize_with = "quantity::error_deg")]
-    pub tool_rotation_deg: f64,
+    pub tool_rotation_deg: quantity::error_deg,
 }
 
 /// Deviations of the robot controller from an ideal one. None by default.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct RobotController {
-    /// The time stamps of the arm's states are off by up to this, uniformly, in seconds.
-    #[serde(deserialize_with = "quantity::controller_time_s")]
-    pub stamp_error_s: f64,
-    /// True if the arm's state is reported in single precision.
-    pub single_precision: bool,
-    /// Lag with which the controller follows each point of a trajectory, in seconds.
-    #[serde(deserialize_with = "quantity::controller_time_s")]
-    pub interpolator_lag_s: f64,
-    /// Trajectories that it declines at random, as a fraction of all.
-    #[serde(deserialize_with = "quantity::fraction")]
-    pub declined_fraction: f64,
+    /// True for time stamps that are off by up to 0.5 ms, states in single precision, a lag of 2 ms behind
+    /// each point of a trajectory, and every tenth trajectory declined, at random.
+    pub inexact: bool,
     /// True if the controller takes trajectories that jump at their start or do not end at rest, as the
     /// paper's do.
     pub takes_jumps: bool,
@@ -174,18 +151,15 @@ pub struct RobotController {
 }
 
 /// Accelerations that a robot controller asks for by the error of a joint's position.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct ControllerGains {
     /// Gain of the error, in 1/s².
-    #[serde(deserialize_with = "quantity::gain")]
-    pub proportional_per_s2: f64,
+    pub proportional_per_s2: quantity::gain,
     /// Gain of the integral of the error, in 1/s³.
-    #[serde(deserialize_with = "quantity::gain")]
-    pub integral_per_s3: f64,
+    pub integral_per_s3: quantity::gain,
     /// Gain of the rate of the error, in 1/s.
-    #[serde(deserialize_with = "quantity::gain")]
-    pub derivative_per_s: f64,
+    pub derivative_per_s: quantity::gain,
 }
 
 impl Default for ControllerGains {
@@ -197,21 +171,17 @@ impl Default for ControllerGains {
 }
 
 /// A link of a robot controller's model.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct ModelLink {
     /// Mass in kg.
-    #[serde(deserialize_with = "quantity::part_mass_kg")]
-    pub mass_kg: f64,
+    pub mass_kg: quantity::part_mass_kg,
     /// Centre of mass in the link's frame.
-    #[serde(deserialize_with = "quantity::offset_m")]
-    pub com_m: [f64; 3],
+    pub com_m: quantity::offset_m<[f64; 3]>,
     /// Principal moments of inertia about it along the link's axes, in kg·m².
-    #[serde(deserialize_with = "quantity::moment_kgm2")]
-    pub inertia_kgm2: [f64; 3],
+    pub inertia_kgm2: quantity::moment_kgm2<[f64; 3]>,
     /// Inertia of the rotor that drives it, reflected to the joint, in kg·m².
-    #[serde(deserialize_with = "quantity::rotor_inertia_kgm2")]
-    pub rotor_inertia_kgm2: f64,
+    pub rotor_inertia_kgm2: quantity::rotor_inertia_kgm2,
 }
 
 impl Default for ArenaConfig {

@@ -8,39 +8,32 @@ use serde::{Deserialize, Serialize};
 use crate::drawn::Drawn;
 
 /// Errors of the depth images. None by default, as in the paper.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct DepthConfig {
     /// The errors of a pixel's depth.
     pub model: DepthModel,
     /// Fraction of the images that never arrive, each camera and each time by itself. Users of D435 cameras
     /// report 5 to 10 %.
-    #[serde(deserialize_with = "quantity::fraction")]
-    pub lost_frame_fraction: f64,
+    pub lost_frame_fraction: quantity::fraction,
     /// Fraction of the images whose fate is that of the camera's image before them, so that images are lost
     /// in bursts of 1/((1 − this)·(1 − `lost_frame_fraction`)) on average.
-    #[serde(deserialize_with = "quantity::spread")]
-    pub lost_frame_persistence: f64,
+    pub lost_frame_persistence: quantity::spread,
     /// Fraction of the object's surface, dark or specular, of which no camera measures any depth: a number,
     /// or `{ min, max }` from which every throw draws. It is in patches that are fixed to the object.
-    #[serde(deserialize_with = "quantity::fraction")]
-    pub hole_fraction: Drawn,
+    pub hole_fraction: quantity::fraction<Drawn>,
     /// Depths are whole multiples of this, in metres: 1 mm for cameras that tell them as whole millimetres.
     /// Zero: any.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub step_m: f64,
+    pub step_m: quantity::error_m,
     /// Standard deviation, along each axis, of where a camera truly stands around where the brain believes it
     /// stands, in metres. Drawn once per scene and camera.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub calibration_sd_m: f64,
+    pub calibration_sd_m: quantity::error_m,
     /// Standard deviation of the rotation of each camera from its calibrated orientation, about each of its
     /// axes, in radians.
-    #[serde(deserialize_with = "quantity::error_rad")]
-    pub calibration_sd_rad: f64,
+    pub calibration_sd_rad: quantity::error_rad,
     /// Shift of everything in the images to the left and up, in pixels, in the scan of the object as well:
     /// half a pixel where corners of pixels are taken for their centres, as in the authors' code.
-    #[serde(deserialize_with = "quantity::error_px")]
-    pub pixel_shift_px: f64,
+    pub pixel_shift_px: quantity::error_px,
 }
 
 impl DepthConfig {
@@ -67,12 +60,11 @@ pub enum DepthModel {
 }
 
 /// A constant standard deviation.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct GaussianNoise {
     /// Standard deviation of a depth in metres.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub sd_m: f64,
+    pub sd_m: quantity::error_m,
 }
 
 /// The errors of a stereo camera.
@@ -80,40 +72,31 @@ pub struct GaussianNoise {
 /// It measures a disparity d = f·b/z in pixels, with the focal length f of the camera and the baseline b. An
 /// error of the disparity with the standard deviation s becomes one of the depth with σ(z) = z²·s/(f·b) (A.
 /// Grunnet-Jepsen, J. N. Sweetser & J. Woodfill, Tuning depth cameras for best performance, Intel).
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct StereoNoise {
     /// Distance between the two eyes in metres.
-    #[serde(deserialize_with = "quantity::size_m")]
-    pub baseline_m: f64,
+    pub baseline_m: quantity::size_m,
     /// Standard deviation of the disparity in pixels.
-    #[serde(deserialize_with = "quantity::error_px")]
-    pub subpixel_px: f64,
+    pub subpixel_px: quantity::error_px,
     /// Fraction of the disparity's variance that all pixels of one image have in common; the rest each pixel
     /// has by itself.
-    #[serde(deserialize_with = "quantity::fraction")]
-    pub common_fraction: f64,
+    pub common_fraction: quantity::fraction,
     /// Fraction of the pixels that are missing on surfaces which face the camera.
-    #[serde(deserialize_with = "quantity::fraction")]
-    pub dropout_fraction: f64,
+    pub dropout_fraction: quantity::fraction,
     /// Angles of incidence, from the surface's normal in radians, between which the fraction of missing
     /// pixels rises linearly to all. None: it does not.
-    #[serde(deserialize_with = "quantity::incidence_rad")]
-    pub grazing_rad: Option<[f64; 2]>,
+    pub grazing_rad: quantity::incidence_rad<Option<[f64; 2]>>,
     /// Number of pixels beside a depth edge that are affected by it: half of the window that is matched.
-    #[serde(deserialize_with = "quantity::edge_px")]
-    pub edge_px: u32,
+    pub edge_px: quantity::edge_px<u32>,
     /// Fraction of the affected pixels behind the edge that shows the nearer surface, which so grows by some
     /// pixels.
-    #[serde(deserialize_with = "quantity::fraction")]
-    pub bleed_fraction: f64,
+    pub bleed_fraction: quantity::fraction,
     /// Fraction of the affected pixels on both sides that shows no surface, but a disparity evenly anywhere
     /// between the two: flying pixels.
-    #[serde(deserialize_with = "quantity::fraction")]
-    pub flying_fraction: f64,
+    pub flying_fraction: quantity::fraction,
     /// Depths that can be measured, from and to, in metres. None: all.
-    #[serde(deserialize_with = "quantity::distance_m")]
-    pub range_m: Option<[f64; 2]>,
+    pub range_m: quantity::distance_m<Option<[f64; 2]>>,
 }
 
 impl Default for StereoNoise {

@@ -71,32 +71,25 @@ struct ObjectFile {
 }
 
 /// Mass properties, contact and air.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct TruthFields {
     /// Mass.
-    #[serde(deserialize_with = "quantity::thrown_mass_kg")]
-    mass_kg: f64,
+    mass_kg: quantity::thrown_mass_kg,
     /// Coefficient of restitution against something hard.
-    #[serde(deserialize_with = "quantity::fraction")]
-    restitution: f64,
+    restitution: quantity::fraction,
     /// Drag constant k of a = −k·|v|·v; it counts where a scenario has air.
-    #[serde(deserialize_with = "quantity::drag_per_m")]
-    drag_per_m: f64,
+    drag_per_m: quantity::drag_per_m,
     /// Centre of mass in the axes of the shape; that of uniform density otherwise.
-    #[serde(default, deserialize_with = "quantity::shape_m")]
-    com_m: Option<[f64; 3]>,
+    com_m: quantity::shape_m<Option<[f64; 3]>>,
     /// Inertia about the centre of mass along the axes of the shape: ixx, ixy, ixz, iyy, iyz, izz, in the
     /// order of URDF; that of uniform density otherwise.
-    #[serde(default, deserialize_with = "quantity::inertia_kgm2")]
-    inertia_kgm2: Option<[f64; 6]>,
+    inertia_kgm2: quantity::inertia_kgm2<Option<[f64; 6]>>,
     /// Coulomb friction coefficient, a number or `{ min, max }` from which every throw draws; the scenario's
     /// otherwise.
-    #[serde(default, deserialize_with = "quantity::friction")]
-    friction: Option<Drawn>,
+    friction: quantity::friction<Option<Drawn>>,
     /// Stiffness of a soft surface under a finger, whose patch resists the rotation about the normal.
-    #[serde(default, deserialize_with = "quantity::stiffness_npm")]
-    stiffness_npm: Option<f64>,
+    stiffness_npm: quantity::stiffness_npm<Option<f64>>,
     /// Shape.
     shape: ShapeFields,
 }

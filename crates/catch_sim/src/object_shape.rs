@@ -55,40 +55,34 @@ impl ColliderPart {
 }
 
 /// Shape of an object as its file describes it.
+#[quantity::checked(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum ShapeFields {
     /// A ball, hollow (all mass in its skin) or solid.
     Ball {
         /// Diameter.
-        #[serde(deserialize_with = "quantity::shape_size_m")]
-        diameter_m: f64,
+        diameter_m: quantity::shape_size_m,
         /// True if all mass is in the skin.
         hollow: bool,
     },
     /// Solid of revolution that a profile of points (z, r) sweeps around the z axis.
     Revolution {
         /// Points (z, r), from the bottom up.
-        #[serde(deserialize_with = "quantity::shape_m")]
-        profile_m: Vec<[f64; 2]>,
+        profile_m: quantity::shape_m<Vec<[f64; 2]>>,
     },
     /// A round tube along an arc in the y–z plane, its radii evenly spaced along it.
     BentTube {
         /// Radius of the arc.
-        #[serde(deserialize_with = "quantity::shape_size_m")]
-        arc_radius_m: f64,
+        arc_radius_m: quantity::shape_size_m,
         /// Angle of the arc.
-        #[serde(deserialize_with = "quantity::arc_deg")]
-        arc_angle_deg: f64,
+        arc_angle_deg: quantity::arc_deg,
         /// Radii of the tube.
-        #[serde(deserialize_with = "quantity::shape_radius_m")]
-        radii_m: Vec<f64>,
+        radii_m: quantity::shape_radius_m<Vec<f64>>,
     },
     /// A round tube along a curve in the y–z plane.
     Tube {
         /// Points (y, z, r): of the curve, and the radius there.
-        #[serde(deserialize_with = "quantity::shape_m")]
-        curve_m: Vec<[f64; 3]>,
+        curve_m: quantity::shape_m<Vec<[f64; 3]>>,
     },
     /// A mesh from a file beside this one. It collides as the groups of the `parts` files, the convex hull of
     /// each; without them it is cut into convex parts.
@@ -99,8 +93,8 @@ pub(crate) enum ShapeFields {
         #[serde(default)]
         parts: Vec<String>,
         /// Length of the files' unit in metres.
-        #[serde(default = "one", deserialize_with = "quantity::scale")]
-        scale: f64,
+        #[serde(default = "one")]
+        scale: quantity::scale,
     },
 }
 

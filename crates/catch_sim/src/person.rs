@@ -24,15 +24,13 @@ const SEGMENTS: u32 = 32;
 
 /// Path of a person who walks through the images. Every throw draws a straight line in a direction of its
 /// own, and the person's first position on it.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct PersonConfig {
     /// Least distance of the line from the base's axis, in metres: a number, or `{ min, max }`.
-    #[serde(deserialize_with = "quantity::distance_m")]
-    pub nearest_m: Drawn,
+    pub nearest_m: quantity::distance_m<Drawn>,
     /// Walking speed, in m/s: a number, or `{ min, max }`.
-    #[serde(deserialize_with = "quantity::drive_speed_mps")]
-    pub speed_mps: Drawn,
+    pub speed_mps: quantity::drive_speed_mps<Drawn>,
 }
 
 /// The person of a scene.

@@ -19,6 +19,10 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Measured velocities may exceed their limit by this factor before they count.
 const VELOCITY_TOLERANCE: f64 = 1.01;
+/// Greatest error of a time stamp, lag, and fraction of declined trajectories of an inexact controller.
+const MOST_STAMP_ERROR_S: f64 = 0.0005;
+const LAG_S: f64 = 0.002;
+const DECLINED: f64 = 0.1;
 
 /// Follows trajectories.
 #[derive(Debug, Clone)]
@@ -68,9 +72,14 @@ impl Servo {
         std::mem::take(&mut self.report)
     }
 
+    /// Lag behind each point of a trajectory.
+    fn lag_s(&self) -> f64 {
+        if self.config.inexact { LAG_S } else { 0.0 }
+    }
+
     /// Takes or rejects a trajectory that arrives at `now_s`.
     pub fn receive(&mut self, trajectory: &ArmTrajectory, now_s: f64) {
-        let is_declined = self.draws.unit() < self.config.declined_fraction;
+        let is_declined = self.draws.unit() < DECLINED && self.config.inexact;
         let answer = if is_declined {
             Err(self.executor.decline(trajectory.id))
         } else {
@@ -92,9 +101,11 @@ impl Servo {
     /// The arm as the controller reports it at `now_s`, with what was rejected since the last call, from the
     /// encoders' `q` and `dq`.
     pub fn arm_state(&mut self, now_s: f64, q: JointVector, dq: JointVector) -> ArmState {
-        let mut state = self.executor.arm_state(now_s - self.config.interpolator_lag_s, q, dq);
-        state.time_s = now_s + self.config.stamp_error_s * self.draws.between([-1.0, 1.0]);
-        if self.config.single_precision {
+        let mut state = self.executor.arm_state(now_s - self.lag_s(), q, dq);
+        let stamp_error_s = MOST_STAMP_ERROR_S * self.draws.between([-1.0, 1.0]);
+        state.time_s = now_s;
+        if self.config.inexact {
+            state.time_s += stamp_error_s;
             let Setpoint { q, dq, ddq } = &mut state.commanded;
             for values in [&mut state.q, &mut state.dq, q, dq, ddq] {
                 values.apply(|value| *value = f64::from(*value as f32));
@@ -110,7 +121,7 @@ impl Servo {
     /// Against windup the integral of a joint waits while its torque is clamped and would go further
     /// (conditional integration: Åström & Hägglund, PID Controllers, section 3.5).
     pub fn torque(&mut self, time_s: f64, step_s: f64, q: &JointVector, dq: &JointVector) -> JointVector {
-        let wanted = self.executor.advance(time_s - self.config.interpolator_lag_s);
+        let wanted = self.executor.advance(time_s - self.lag_s());
         let gains = &self.config.gains;
         let error = wanted.q - q;
         let increment = error * (gains.integral_per_s3 * step_s);

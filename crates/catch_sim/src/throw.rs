@@ -66,8 +66,9 @@ struct ThrowFile {
 }
 
 /// An axis, and an angle in degrees.
+#[quantity::checked]
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-struct AxisAngle(Axis, #[serde(deserialize_with = "quantity::angle_deg")] f64);
+struct AxisAngle(Axis, quantity::angle_deg);
 
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -78,42 +79,33 @@ enum Axis {
 }
 
 /// Motion of a throw, by its `kind`. Positions and velocities are in the world.
+#[quantity::checked(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 enum Motion {
     /// Motion that is the same every time.
     Fixed {
         /// Position of the object at the release.
-        #[serde(deserialize_with = "quantity::place_m")]
-        position_m: [f64; 3],
+        position_m: quantity::place_m<[f64; 3]>,
         /// Velocity at the release.
-        #[serde(deserialize_with = "quantity::velocity_mps")]
-        velocity_mps: [f64; 3],
+        velocity_mps: quantity::velocity_mps<[f64; 3]>,
         /// Angular velocity at the release.
-        #[serde(deserialize_with = "quantity::spin_radps")]
-        spin_radps: [f64; 3],
+        spin_radps: quantity::spin_radps<[f64; 3]>,
     },
     /// The sampler of the paper's code. The horizontal velocity is that speed times (−x, −y)/√(x² + y²) +
     /// a·(1, −1): aimed at the base's axis, then sheared aside by `a`, the same in both directions.
     Sampled {
         /// Range of x at the release.
-        #[serde(deserialize_with = "quantity::place_m")]
-        x_m: Span,
+        x_m: quantity::place_m<Span>,
         /// Range of y at the release.
-        #[serde(deserialize_with = "quantity::place_m")]
-        y_m: Span,
+        y_m: quantity::place_m<Span>,
         /// Height of the release.
-        #[serde(deserialize_with = "quantity::place_m")]
-        z_m: f64,
+        z_m: quantity::place_m,
         /// Range of the horizontal speed toward the base's axis.
-        #[serde(deserialize_with = "quantity::velocity_mps")]
-        horizontal_speed_mps: Span,
+        horizontal_speed_mps: quantity::velocity_mps<Span>,
         /// Range of the shear `a`.
-        #[serde(deserialize_with = "quantity::shear")]
-        aside: Span,
+        aside: quantity::shear<Span>,
         /// Range of the vertical speed, upwards.
-        #[serde(deserialize_with = "quantity::velocity_mps")]
-        vertical_speed_mps: Span,
+        vertical_speed_mps: quantity::velocity_mps<Span>,
     },
     /// Throws from anywhere in a sector, past the robot's base on one side.
     Random(RandomMotion),

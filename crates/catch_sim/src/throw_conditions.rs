@@ -21,92 +21,78 @@ pub struct ThrowConditions {
 }
 
 /// Conditions of the object, its flight and its contacts.
+#[quantity::checked]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlightConditions {
     /// Release of the object from the thrower's hand.
     pub release: ReleaseState,
     /// Coulomb friction coefficient of all contacts.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub friction: f64,
+    pub friction: quantity::true_value,
     /// Coefficient of restitution of all contacts.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub restitution: f64,
+    pub restitution: quantity::true_value,
     /// Drag constant k of a = −k·|u|·u in 1/m, u the velocity relative to the air; zero without air.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub drag_per_m: f64,
+    pub drag_per_m: quantity::true_value,
     /// Mass in kg.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub mass_kg: f64,
+    pub mass_kg: quantity::true_value,
     /// Velocity of the air in W, in m/s.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub wind_mps: [f64; 3],
+    pub wind_mps: quantity::true_value<[f64; 3]>,
     /// Centre of mass in O, in metres.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub com_m: [f64; 3],
+    pub com_m: quantity::true_value<[f64; 3]>,
     /// Rotational inertia about the centre of mass along the axes of O, row by row, in kg·m².
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub inertia_kgm2: [[f64; 3]; 3],
+    pub inertia_kgm2: quantity::true_value<[[f64; 3]; 3]>,
     /// Deviation E of the drag matrix k·(1 + E) along the axes of O, row by row.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub drag_deviation: [[f64; 3]; 3],
+    pub drag_deviation: quantity::true_value<[[f64; 3]; 3]>,
     /// Magnus coefficient c of a = c·ω×u.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub magnus: f64,
+    pub magnus: quantity::true_value,
     /// Decay c of the spin, ω̇ = −c·ω, in 1/s.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub spin_decay_per_s: f64,
+    pub spin_decay_per_s: quantity::true_value,
 }
 
 /// State of the object when it is released.
+#[quantity::checked]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ReleaseState {
     /// Origin of O in W, in metres.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub position_m: [f64; 3],
+    pub position_m: quantity::true_value<[f64; 3]>,
     /// Orientation of O in W, a unit quaternion x, y, z, w.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub orientation_xyzw: [f64; 4],
+    pub orientation_xyzw: quantity::true_value<[f64; 4]>,
     /// Velocity of that origin in W, in m/s.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub velocity_mps: [f64; 3],
+    pub velocity_mps: quantity::true_value<[f64; 3]>,
     /// Angular velocity in W, in rad/s.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub spin_radps: [f64; 3],
+    pub spin_radps: quantity::true_value<[f64; 3]>,
     /// True if the object flies along a recorded track until something touches it.
     pub is_recorded: bool,
 }
 
 /// Conditions of arm, gripper and cameras.
+#[quantity::checked]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CellConditions {
     /// Mass of each link over that in the model, base to tip.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub link_mass_ratios: Vec<f64>,
+    pub link_mass_ratios: quantity::true_value<Vec<f64>>,
     /// True pose of the gripper: G in M.
     pub gripper_mount: FramePose,
     /// Time of the first cycle of the gripper's connection, in seconds on the cell's clock; none for one
     /// without cycles.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub gripper_phase_s: Option<f64>,
+    pub gripper_phase_s: quantity::true_value<Option<f64>>,
     /// True poses of the cameras, in the order of the rig.
     pub cameras: Vec<CameraPose>,
     /// Fraction of the object's surface that gives no depth.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub hole_fraction: f64,
+    pub hole_fraction: quantity::true_value,
 }
 
 /// Pose of a frame in another.
+#[quantity::checked]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FramePose {
     /// Position in metres.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub position_m: [f64; 3],
+    pub position_m: quantity::true_value<[f64; 3]>,
     /// Orientation, a unit quaternion x, y, z, w.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub orientation_xyzw: [f64; 4],
+    pub orientation_xyzw: quantity::true_value<[f64; 4]>,
 }
 
 /// Pose of a camera in W, z forward and y down, and its place in time.
+#[quantity::checked]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CameraPose {
     /// The pose.
@@ -114,8 +100,8 @@ pub struct CameraPose {
     pub pose: FramePose,
     /// Time at which the first image of a free-running camera is due, in seconds; none for one that takes an
     /// image at every observation.
-    #[serde(default, deserialize_with = "quantity::true_value", skip_serializing_if = "Option::is_none")]
-    pub phase_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phase_s: quantity::true_value<Option<f64>>,
 }
 
 impl From<&Pose> for FramePose {

@@ -25,14 +25,13 @@ pub struct Truth {
 }
 
 /// Highest values over their limits, of any joint.
+#[quantity::checked]
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct PeakRatios {
     /// Ratio of the measured velocity.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub velocity: f64,
+    pub velocity: quantity::true_value,
     /// Ratio of the torque that the controller asked for, before clamping.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub torque: f64,
+    pub torque: quantity::true_value,
 }
 
 impl From<&ServoReport> for PeakRatios {
@@ -42,39 +41,32 @@ impl From<&ServoReport> for PeakRatios {
 }
 
 /// The state at one instant, and the forces of the step that led to it.
+#[quantity::checked]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TruthSample {
     /// Time of the sample, in seconds on the cell's clock; in a trial that begins at the release.
-    #[serde(deserialize_with = "quantity::clock_s")]
-    pub time_s: f64,
+    pub time_s: quantity::clock_s,
     /// Joint positions in radians.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub q: JointVector,
+    pub q: quantity::true_value<JointVector>,
     /// Joint velocities in rad/s.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub dq: JointVector,
+    pub dq: quantity::true_value<JointVector>,
     /// Torques of the motors in N·m.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub torque: JointVector,
+    pub torque: quantity::true_value<JointVector>,
     /// Pose of the gripper.
-    #[serde(deserialize_with = "quantity::true_pose")]
-    pub X_WG: Pose,
+    pub X_WG: quantity::true_pose<Pose>,
     /// Spatial velocity of the gripper, the linear part at the origin of G.
     pub V_WG: Twist,
     /// Distance between the fingers' inner faces in metres.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub width_m: f64,
+    pub width_m: quantity::true_value,
     /// The width that the gripper is commanded to have; below the true one it closes, or squeezes what is
     /// between its fingers.
-    #[serde(default, deserialize_with = "quantity::true_value")]
-    pub commanded_width_m: f64,
+    #[serde(default)]
+    pub commanded_width_m: quantity::true_value,
     /// Normal force between left and right finger and the object in N, rebounds included, averaged over the
     /// step.
-    #[serde(deserialize_with = "quantity::true_value")]
-    pub finger_force_n: [f64; 2],
+    pub finger_force_n: quantity::true_value<[f64; 2]>,
     /// Pose of the object.
-    #[serde(deserialize_with = "quantity::true_pose")]
-    pub X_WO: Pose,
+    pub X_WO: quantity::true_pose<Pose>,
     /// Spatial velocity of the object, the linear part at the origin of O. That is the centre of mass but for
     /// bodies as published: [`ThrownObject::com_O`](crate::ThrownObject::com_O).
     pub V_WO: Twist,

@@ -28,7 +28,7 @@ impl Bounds {
     pub fn limit_scale(&self, longest_run: u64) -> Option<LimitScale> {
         let by = self.speed_scaling;
         let acceleration = by.min((self.margin)(longest_run)?);
-        Some(LimitScale { velocity: by, acceleration, torque: 1.0, jerk: by })
+        Some(LimitScale { velocity: by, acceleration, jerk: by })
     }
 }
 

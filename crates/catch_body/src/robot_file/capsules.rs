@@ -20,20 +20,17 @@ const BARE_SEGMENTS: u32 = 24;
 const MOST_RINGS: usize = 48;
 
 /// All points within a radius of a segment.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 pub(super) struct CapsuleFields {
     /// Name of the link that the capsule belongs to, in whose frame the points are.
     link: String,
     /// First end of the segment.
-    #[serde(deserialize_with = "quantity::offset_m")]
-    from_m: [f64; 3],
+    from_m: quantity::offset_m<[f64; 3]>,
     /// Second end of the segment.
-    #[serde(deserialize_with = "quantity::offset_m")]
-    to_m: [f64; 3],
+    to_m: quantity::offset_m<[f64; 3]>,
     /// Radius.
-    #[serde(deserialize_with = "quantity::radius_m")]
-    radius_m: f64,
+    radius_m: quantity::radius_m,
     /// Depth of the link's own surface below the capsule, as cameras see it: 3 to 48 rings from the first
     /// pole to the second, at equal distances along the surface. A pole is one number, each ring between has
     /// 3 to 48, as many as the others. They begin at the x axis of the capsule's frame: the link's frame, z

@@ -10,19 +10,16 @@ use crate::{InputError, quantity, robot::Inertia, urdf::Element};
 const OF_A_BODY: &str = "moments above zero, none larger than the sum of the other two";
 
 /// Mass properties of a link that take the place of the URDF's.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 pub(super) struct LinkFields {
     /// Mass.
-    #[serde(deserialize_with = "quantity::part_mass_kg")]
-    mass_kg: f64,
+    mass_kg: quantity::part_mass_kg,
     /// Centre of mass in the link's frame.
-    #[serde(deserialize_with = "quantity::offset_m")]
-    com_m: [f64; 3],
+    com_m: quantity::offset_m<[f64; 3]>,
     /// Moments of inertia along the link's axes about the centre of mass: xx, yy, zz, xy, xz, yz. An object's
     /// file has another order.
-    #[serde(deserialize_with = "quantity::inertia_kgm2")]
-    inertia_kgm2: [f64; 6],
+    inertia_kgm2: quantity::inertia_kgm2<[f64; 6]>,
     /// True if nobody published the mass properties.
     #[serde(default)]
     assumed: bool,

@@ -16,23 +16,19 @@ use crate::trajectory_optimization::CatchPlan;
 use catch_body::{Gripper, Pose, quantity};
 
 /// Settings of control.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// Time from an observation until a command takes effect, in seconds: new motions start that much later.
-    #[serde(deserialize_with = "quantity::latency_s")]
-    pub expected_latency_s: f64,
+    pub expected_latency_s: quantity::latency_s,
     /// Time from the start of a gripper move until the fingers move, in seconds; the gripper's own if nothing
     /// is said.
-    #[serde(deserialize_with = "quantity::latency_s")]
-    pub gripper_latency_s: Option<f64>,
+    pub gripper_latency_s: quantity::latency_s<Option<f64>>,
     /// Force of closing in N per finger; the gripper's own limit if it is lower.
-    #[serde(deserialize_with = "quantity::force_n")]
-    pub closing_force_n: f64,
+    pub closing_force_n: quantity::force_n,
     /// A catch whose cost of holding has risen by this much, as the flight is known better, is given up for
     /// one that costs that much less.
-    #[serde(deserialize_with = "quantity::weight")]
-    pub switching_hysteresis: f64,
+    pub switching_hysteresis: quantity::weight,
 }
 
 impl Default for Config {

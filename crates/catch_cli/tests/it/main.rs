@@ -9,7 +9,6 @@ mod determinism;
 mod documented;
 mod evaluation;
 mod foreign_files;
-mod general_form;
 mod honest;
 mod inputs;
 mod mcap_file;

@@ -36,8 +36,6 @@ fn nothing_is_overwritten() {
         ("rig.toml", &["place-cameras", "--trials", "3", "--spacing", "1", "--out", &here]),
         ("cameras.html", &["place-cameras", "--trials", "3", "--spacing", "1", "--out", &here]),
         ("t/0.csv", &["learn", "--tracks", &tracks, "--folds", "2", "--out", &at("t/0.csv")]),
-        ("r.md", &["learn", "--tracks", &tracks, "--folds", "2", "--out", &at("p.toml"), "--report", &at("r.md")]),
-        ("a.catch", &["play", "--trials", "1", "--html", &at("a.catch")]),
         ("o.toml", &["new", "throw", "o", "--out", &here]),
     ] {
         let path = at(file);
@@ -119,7 +117,6 @@ fn a_bad_place_is_wrong_input_whoever_writes_there() {
         &["catch", "--scenario", "paper", "--out", taken],
         &["eval", "--trials", "1", "--out", &within("e")],
         &["export", "--mjcf", &within("m")],
-        &["play", "--trials", "1", "--html", &within("p.html")],
         &["new", "throw", "t", "--out", &within("n")],
         &["calibrate", "--poses", "3", "--out", &within("c")],
         &["place-cameras", "--trials", "1", "--out", &within("c")],

@@ -5,7 +5,7 @@
 //! deviations. `catch_experiments -- cameras` fits it to throws of the built-in objects on ten rigs drawn at
 //! random, and reports it on ten others.
 
-use super::{Config, FlightScore};
+use super::FlightScore;
 use crate::{
     assets::{Asset, Kind},
     scenario::{
@@ -18,13 +18,12 @@ use crate::{
 pub const COEFFICIENTS: [f64; 4] = [3.139, 0.910, -0.441, -0.618];
 /// A ball's narrowest extent is its diameter, to this fraction.
 const ROUND: f64 = 0.9;
-/// The probability that each throw is caught, averaged; none for other arms and hands, and for other times.
-pub(super) fn rate(setup: &Setup, config: &Config, flights: &[FlightScore]) -> Option<f64> {
-    let times = |it: &Config| (it.decision_s, it.closing_s);
+/// The probability that each throw is caught, averaged; none for other arms and hands.
+pub(super) fn rate(setup: &Setup, flights: &[FlightScore]) -> Option<f64> {
     // The rates were found with the arm and the hand of this scenario.
     let usual = Asset::built_in(Kind::Scenario, DEFAULT_SCENARIO).and_then(|it| Scenario::of_asset(&it)).ok()?;
     let has = |it: &Scenario| (it.robot.clone(), it.gripper.clone());
-    if has(&setup.scenario) != has(&usual) || times(config) != times(&Config::default()) {
+    if has(&setup.scenario) != has(&usual) {
         return None;
     }
     let is_round = is_round(setup);
@@ -70,15 +69,13 @@ mod tests {
 
     #[test]
     fn nothing_is_expected_of_what_was_not_measured() {
-        let rate = |robot: Option<&str>, object, config: &Config| {
+        let rate = |robot: Option<&str>, object| {
             let setup = Setup::load(&Choice { robot, object, ..Choice::default() }).unwrap();
             let flight = FlightScore { shown_by_two_s: 0.3, decision_sd_m: 1e-3, closing_sd_m: 1e-3 };
-            rate(&setup, config, &[flight])
+            rate(&setup, &[flight])
         };
-        let usual = Config::default();
-        let [ball, banana] = ["tennis_ball", "banana"].map(|object| rate(None, Some(object), &usual).unwrap());
+        let [ball, banana] = ["tennis_ball", "banana"].map(|object| rate(None, Some(object)).unwrap());
         assert!((ball - 0.959).abs() < 1e-3 && (banana - 0.713).abs() < 1e-3, "{ball} {banana}");
-        assert_eq!(rate(Some("panda"), None, &usual), None);
-        assert_eq!(rate(None, None, &Config { decision_s: 0.2, ..usual }), None);
+        assert_eq!(rate(Some("panda"), None), None);
     }
 }

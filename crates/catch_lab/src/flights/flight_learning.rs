@@ -28,14 +28,14 @@ const LEAST_AGREEING: f64 = 0.6;
 const MOST_TIMES: f64 = 4.0;
 
 /// A throw with what a broad prior makes of it: where every fit by a better one begins.
-pub struct Studied<'a> {
+struct Studied<'a> {
     throw: &'a Throw,
     whole: Option<Flight>,
     parts: [Option<Flight>; 4],
 }
 
 /// Fits all throws by a broad prior, or those without orientations by the most evident one of any object.
-pub fn studied(throws: &[Throw]) -> Vec<Studied<'_>> {
+fn studied(throws: &[Throw]) -> Vec<Studied<'_>> {
     let broad = Arc::new(FlightPrior::broad());
     let fitted = parallel::map(throws.len(), |i| {
         let throw = &throws[i];
@@ -47,7 +47,7 @@ pub fn studied(throws: &[Throw]) -> Vec<Studied<'_>> {
 }
 
 /// Learns an object's prior from its throws. `None` where no throw could be fitted.
-pub fn learn(throws: &[&Studied<'_>]) -> Option<FlightPrior> {
+fn learn(throws: &[&Studied<'_>]) -> Option<FlightPrior> {
     let broad = FlightPrior::broad();
     let known = throws.iter().filter_map(|it| lesson(it.whole.as_ref()?)).collect();
     let mut prior = Arc::new(maximized(known, &broad, &broad)?);
@@ -169,7 +169,7 @@ const COVERED: f64 = 0.945;
 const UNKNOWN: f64 = 1.5;
 
 /// A prior for any object: as those known, with no direction of the body frame told from another.
-pub fn generic(objects: &[FlightPrior]) -> Option<FlightPrior> {
+fn generic(objects: &[FlightPrior]) -> Option<FlightPrior> {
     let first = objects.first()?;
     let count = objects.len() as f64;
     let average = |of: &dyn Fn(&FlightPrior) -> f64| objects.iter().map(of).sum::<f64>() / count;
@@ -218,7 +218,7 @@ pub fn generic(objects: &[FlightPrior]) -> Option<FlightPrior> {
 }
 
 /// Predicted ends of throws by how much was seen.
-pub fn misses(throws: &[&Studied<'_>], prior: &Arc<FlightPrior>) -> Misses {
+fn misses(throws: &[&Studied<'_>], prior: &Arc<FlightPrior>) -> Misses {
     let flights =
         parallel::map(throws.len(), |i| throws[i].throw.flights(&Known::Prior(prior.clone()), Some(&throws[i].parts)));
     let all = throws.iter().zip(&flights);
@@ -227,7 +227,7 @@ pub fn misses(throws: &[&Studied<'_>], prior: &Arc<FlightPrior>) -> Misses {
 
 /// Predictions of each throw by a prior learned from the other folds; throws go to folds by turns. `None`
 /// where nothing could be learned.
-pub fn cross_validated(throws: &[Studied<'_>], folds: usize, mut progress: impl FnMut()) -> Option<Misses> {
+fn cross_validated(throws: &[Studied<'_>], folds: usize, progress: &mut impl FnMut()) -> Option<Misses> {
     let mut all = Misses::default();
     for fold in 0..folds {
         let (test, train): (Vec<_>, Vec<_>) = throws.iter().enumerate().partition(|(i, _)| i % folds == fold);
@@ -239,10 +239,38 @@ pub fn cross_validated(throws: &[Studied<'_>], folds: usize, mut progress: impl 
     Some(all)
 }
 
-/// Predictions of the throws of one object by a prior for any object, learned from the others.
-pub fn left_out(throws: &[Studied<'_>], others: &[FlightPrior]) -> Option<Misses> {
-    let prior = Arc::new(generic(others)?);
-    Some(misses(&throws.iter().collect::<Vec<_>>(), &prior))
+/// Prior that the throws of objects teach, and how it predicts throws that it was not learned from.
+#[derive(Debug)]
+pub struct Lessons {
+    /// The prior, for any object if there are several.
+    pub prior: FlightPrior,
+    /// Misses of each object's throws by a prior from its other throws.
+    pub own: Vec<Misses>,
+    /// Misses of each object's throws by a prior for any object, learned from the others; none of one object.
+    pub others: Vec<Misses>,
+}
+
+/// Learns from the throws of each of some objects, with cross-validation by `folds`; `progress` is called
+/// `folds + 1` times for each.
+///
+/// # Errors
+/// Index of an object whose throws teach nothing.
+pub fn lessons(objects: &[Vec<Throw>], folds: usize, mut progress: impl FnMut()) -> Result<Lessons, usize> {
+    let objects: Vec<_> = objects.iter().map(|it| studied(it)).collect();
+    let (mut priors, mut own) = (Vec::new(), Vec::new());
+    for (i, throws) in objects.iter().enumerate() {
+        own.push(cross_validated(throws, folds, &mut progress).ok_or(i)?);
+        priors.push(learn(&throws.iter().collect::<Vec<_>>()).ok_or(i)?);
+        progress();
+    }
+    let mut others = Vec::new();
+    for (i, throws) in objects.iter().enumerate() {
+        let rest = [&priors[..i], &priors[i + 1..]].concat();
+        let prior = generic(&rest).map(Arc::new);
+        others.extend(prior.map(|it| misses(&throws.iter().collect::<Vec<_>>(), &it)));
+    }
+    let prior = if priors.len() > 1 { generic(&priors) } else { priors.pop() };
+    Ok(Lessons { prior: prior.ok_or(0_usize)?, own, others })
 }
 
 #[cfg(test)]

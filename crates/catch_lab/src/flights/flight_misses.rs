@@ -78,6 +78,13 @@ impl Miss {
 /// Misses by how much was seen, in the order of [`Seen::ALL`].
 pub type Misses = [Vec<Option<Miss>>; 4];
 
+/// The misses of objects by their names, and of all together if there are several.
+pub fn with_all(names: impl IntoIterator<Item = String>, misses: Vec<Misses>) -> Vec<(String, Misses)> {
+    let all = (misses.len() > 1)
+        .then(|| std::array::from_fn(|at| misses.iter().flat_map(|it| it[at].iter().copied()).collect()));
+    names.into_iter().zip(misses).chain(all.map(|it| ("all".to_owned(), it))).collect()
+}
+
 /// Quantiles of χ² with three degrees of freedom at the fractions that are reported.
 pub const QUANTILES: [(f64, f64); 4] = [(0.5, 2.366), (0.8, 4.642), (0.95, 7.815), (0.99, 11.345)];
 

@@ -22,23 +22,20 @@ pub type ParameterCovariance = SMatrix<f64, PARAMETERS, PARAMETERS>;
 /// the decay c of the spin in ω̇ = −c·ω (1/s). Five are those of the traceless matrix S, whose exponential is
 /// the inertia tensor: xx, yy, xy, xz, yz. The last are the vector s of a = s×v in the world (1/s): the
 /// Magnus force in a track without orientations.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct FlightPrior {
     /// Source of the numbers.
     pub source: String,
     /// Throws that they were learned from.
     pub throws: usize,
     /// Noise density of the acceleration, in m/s²/√Hz.
-    #[serde(deserialize_with = "quantity::noise_density")]
-    pub acceleration_noise: f64,
+    pub acceleration_noise: quantity::noise_density,
     /// Noise density of the angular acceleration, in rad/s²/√Hz.
-    #[serde(deserialize_with = "quantity::noise_density")]
-    pub angular_acceleration_noise: f64,
+    pub angular_acceleration_noise: quantity::noise_density,
     /// Error in metres that neighbouring samples have in common, so that no number of them reduces it; part
     /// of every prediction.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub systematic_sd_m: f64,
+    pub systematic_sd_m: quantity::error_m,
     /// Least noise of a sample that is believed, however well the samples agree with each other.
     pub least_noise: Noise,
     /// Mean of the parameters.
@@ -48,14 +45,13 @@ pub struct FlightPrior {
 }
 
 /// Standard deviations of a track's samples along and about each axis.
+#[quantity::checked]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
     /// Standard deviation of the position, in metres.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub position_sd_m: f64,
+    pub position_sd_m: quantity::error_m,
     /// Standard deviation of the orientation, in radians.
-    #[serde(deserialize_with = "quantity::error_rad")]
-    pub orientation_sd_rad: f64,
+    pub orientation_sd_rad: quantity::error_rad,
 }
 
 /// First of the parameters of the drag, and of those of the lift, among the parameters.

@@ -80,7 +80,7 @@ impl<'a> Corridor<'a> {
     pub fn new(setups: &'a [Setup], throws: u64, seed: u64) -> Self {
         let parts = setups.iter().map(|setup| Part {
             known: setup.known().clone(),
-            grasping: setup.uncalibrated_config(seed, 0).grasp_selection,
+            grasping: setup.uncalibrated_config().grasp_selection,
             flights: (0..throws)
                 .map(|index| (Flight::of(setup, seed, index), flight(&setup.release(seed, index))))
                 .collect(),

@@ -17,8 +17,8 @@ const PASSES: usize = 8;
 /// # Panics
 /// If settings were changed in code to values out of their ranges.
 pub fn plan(setup: &Setup, start: Start, flight: &FlightTrajectory) -> Decision {
-    let settings = setup.uncalibrated_config(0, 0);
-    let mut planner = settings.catch_planner(setup.known(), settings.seed);
+    let settings = setup.uncalibrated_config();
+    let mut planner = settings.catch_planner(setup.known(), setup.brain_seed(0, 0));
     let mut progress = Progress::default();
     let mut ask = || {
         let decision = planner.plan(&Situation {

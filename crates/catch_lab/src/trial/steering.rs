@@ -5,7 +5,8 @@ use catch_body::{Gripper, JointVector, MAX_JOINTS, Robot, clearance::ArmClearanc
 use catch_cell::{BSpline, LimitKind, Setpoint, executor::PeakRatios};
 
 /// Ratios of the limits that are used: room for what the controller needs to follow.
-const USED: LimitScale = LimitScale { velocity: 0.95, acceleration: 0.9, torque: 0.85, jerk: 0.95 };
+const USED: LimitScale = LimitScale { velocity: 0.95, acceleration: 0.9, jerk: 0.95 };
+const USED_TORQUE: f64 = 0.85;
 /// Fractions of a wanted acceleration that are tried in this order, joint by joint; then the joint brakes.
 const FRACTIONS: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
 /// Rounds of trying.
@@ -45,7 +46,8 @@ impl Steering {
         let links_m = robot.joints.iter().skip(1).map(|joint| joint.X_PL.translation.vector.norm());
         let hand_m = robot.X_LG.translation.vector.norm() + gripper.fingertip_y_m() + gripper.max_width_m;
         let length_m = links_m.sum::<f64>() + hand_m + SURFACE_M;
-        let robot = robot.clone().carrying(gripper).with_limits_scaled(&USED);
+        let mut robot = robot.clone().carrying(gripper).with_limits_scaled(&USED);
+        robot.joints.iter_mut().for_each(|joint| joint.limits.torque *= USED_TORQUE);
         let spans = robot.joints.iter().map(|joint| {
             let limits = &joint.limits;
             let by_velocity = limits.velocity / (1.3 * limits.acceleration);

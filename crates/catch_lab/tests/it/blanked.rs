@@ -106,7 +106,7 @@ fn the_brain_is_told_nothing_of_what_an_object_truly_is() {
         let choice = Choice { scenario: Some("honest"), object: path.to_str(), ..Choice::default() };
         let setup = Setup::load(&choice).unwrap();
         assert_eq!(setup.known().config.trajectory_optimization.object_mass_kg, Some(0.1));
-        setup.brain_config(1, 0)
+        setup.brain_config(1)
     };
     let one = told("mass_kg = 0.1\nrestitution = 0.4\ndrag_per_m = 0.05");
     let other = told("mass_kg = 0.3\nrestitution = 0.8\ndrag_per_m = 0.01\nfriction = 0.2\nstiffness_npm = 900");

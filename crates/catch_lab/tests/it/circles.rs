@@ -29,7 +29,7 @@ fn files_use_each_other_in_no_circle() {
             let used = used.map(|(used, _)| used.as_str()).filter(|used| *used != file && !is_one(used, file));
             left.insert(file, used.collect());
         }
-        assert!(left.values().map(BTreeSet::len).sum::<usize>() > 3, "{name}: no use is found");
+        assert!(files.is_empty() || left.values().map(BTreeSet::len).sum::<usize>() > 3, "{name}: no use is found");
         // Whoever uses nothing that is left is taken away; what remains goes in circles.
         loop {
             let known: BTreeSet<&str> = left.keys().copied().collect();

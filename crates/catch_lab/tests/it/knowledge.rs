@@ -62,7 +62,7 @@ fn assert_same_conditions(one: &Setup, other: &Setup, what: &str) {
 fn no_setting_of_the_brain_changes_the_world() {
     let right = load("honest", None, &[]);
     let before = world(&right);
-    let complete = BrainSettings { seed: 0, ..right.brain_config(SCENE.0, SCENE.1) };
+    let complete = right.brain_config(SCENE.0);
     let mut all = Vec::new();
     numbers("brain", &Value::try_from(&complete).unwrap(), &mut all);
     let mut changed = 0;
@@ -132,7 +132,7 @@ fn no_figure_of_object_or_camera_changes_the_world() {
         ("common_fraction", 0.5),
     ] {
         let wrong = with_known(folder.path(), field, factor);
-        assert_ne!(right.brain_config(1, 0), wrong.brain_config(1, 0), "{field} is not known");
+        assert_ne!(right.brain_config(1), wrong.brain_config(1), "{field} is not known");
         assert_same_conditions(&right, &wrong, field);
         let seen = until_touched_and_commanded(&wrong);
         // The arm may be sent off at another time, so that one list is longer; the object's samples come
@@ -148,8 +148,8 @@ fn the_default_brain_is_that_of_honest() {
     assert_eq!(honest.scenario.brain, BrainSettings::default());
     let known = honest.knowledge();
     let of_library = Config::default().given(&known.object.figures, known.cameras);
-    let of_scenario = honest.brain_config(1, 0).config();
-    assert_eq!(Config { seed: of_scenario.seed, ..of_library }, of_scenario);
+    let of_scenario = honest.brain_config(1).config();
+    assert_eq!(of_library, of_scenario);
 }
 
 #[test]
@@ -186,5 +186,5 @@ fn surfaces_of_the_arm_are_seen_and_not_known() {
     assert!(world(&covered) == world(&plain), "surfaces move something");
     assert_eq!((&covered.robot, &covered.gripper), (&plain.robot, &plain.gripper));
     assert_eq!(covered.sources, plain.sources);
-    assert_eq!(covered.brain_config(SCENE.0, SCENE.1), plain.brain_config(SCENE.0, SCENE.1));
+    assert_eq!(covered.brain_config(SCENE.0), plain.brain_config(SCENE.0));
 }

@@ -58,7 +58,7 @@ impl Desk {
     }
 
     fn of(setup: Setup, change: impl Fn(&mut Config)) -> Self {
-        let mut config = setup.brain_config(1, 0);
+        let mut config = setup.brain_config(1);
         change(&mut config.trajectory_optimization);
         let reference = ReferenceModel::from_scan(&setup.known_object.scan);
         let grasps = GraspSet::sample(&reference, &setup.gripper, &config.grasp_selection);

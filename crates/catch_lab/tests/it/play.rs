@@ -7,7 +7,9 @@ use catch_cell::executor::PeakRatios;
 use catch_lab::{
     play::Play,
     recording::{self, LabReader, replay::replay},
+    referee::{self, Row},
     scenario::setup::{Choice, Setup},
+    trial,
 };
 use catch_recording::{Part, timeline::Event};
 use rand::{RngExt, SeedableRng};
@@ -47,7 +49,9 @@ fn what_is_caught_in_one_life_is_told_apart_and_put_down() {
         assert_shows_the_putting_down(&recording::file(folder.path(), &row.row.scene));
         objects.push(play.object(index as u64));
         // The throw as a trial of its own.
-        let alone = play.alone(index as u64);
+        let setup = &play.setups[play.object(index as u64)];
+        let trial = trial::run_unobserved(&mut setup.brain(play.seed, index as u64), setup, play.seed, index as u64);
+        let alone = Row::new(setup, play.seed, index as u64, referee::judge(setup, &trial));
         assert_eq!((row.row.scene.clone(), verdict.caught), (alone.scene, alone.verdict.caught));
         let (one, other) = (verdict.catch_time_s.unwrap(), alone.verdict.catch_time_s.unwrap());
         assert!((one - other).abs() < 0.05, "{index}: caught at {one} s, alone at {other} s");

@@ -2,7 +2,7 @@
 //! contacts.
 
 use catch_lab::flights::{
-    flight_learning::{cross_validated, learn, studied},
+    flight_learning::lessons,
     flight_misses::{Misses, Reliability, Throw},
     flight_prediction::{FlightStatus, Known, predict},
     track_file::Sighting,
@@ -117,11 +117,11 @@ fn ellipsoids_of_many_tracks_hold_what_they_claim() {
                 }
             })
             .collect();
-        let studied = studied(&throws);
         let flights: Vec<_> = throws.iter().map(|it| it.flights(&Known::Nothing, None)).collect();
         let by_generic: Misses =
             std::array::from_fn(|i| throws.iter().zip(&flights).map(|(it, of)| it.miss(of[i].as_ref()?)).collect());
-        for (misses, least) in [(by_generic, generic), (cross_validated(&studied, 5, || {}).unwrap(), 0.9)] {
+        let learned = lessons(&[throws], 5, || {}).unwrap().own.swap_remove(0);
+        for (misses, least) in [(by_generic, generic), (learned, 0.9)] {
             let covered = misses.map(|it| Reliability::of(&it).covered);
             let mean = covered.iter().map(|it| it[2]).sum::<f64>() / 4.0;
             assert!((least..=0.98).contains(&mean), "{spin_per_s}: {covered:?}");
@@ -239,8 +239,7 @@ fn objects_of_high_drag_are_learned_from() {
     let throws: Vec<Throw> = (0..6)
         .map(|seed| Throw { samples: thrown(seed, &Made { drag: [0.8; 3], ..BALL }), up: Vector3::z_axis() })
         .collect();
-    let studied = studied(&throws);
-    let prior = learn(&studied.iter().collect::<Vec<_>>()).unwrap();
+    let prior = lessons(&[throws], 2, || {}).unwrap().prior;
     assert_eq!(prior.throws, 6);
     let drag = libm::exp(prior.mean[3]);
     assert!((drag - 0.8).abs() < 0.03, "{drag}");

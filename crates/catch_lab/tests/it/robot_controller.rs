@@ -14,12 +14,7 @@ use crate::{planning::OBJECTS, source::root};
 
 /// Time stamps that are off by up to half a millisecond, states in single precision, an interpolator 2 ms
 /// behind, and every tenth trajectory declined.
-const HOSTILE: [&str; 4] = [
-    "arena.robot_controller.stamp_error_s=0.0005",
-    "arena.robot_controller.single_precision=true",
-    "arena.robot_controller.interpolator_lag_s=0.002",
-    "arena.robot_controller.declined_fraction=0.1",
-];
+const HOSTILE: [&str; 1] = ["arena.robot_controller.inexact=true"];
 
 /// Counts the catches of 21 sampled throws, and lists the reasons of rejected trajectories.
 fn sampled_throws(settings: &[&str]) -> (usize, Vec<Rejection>) {

@@ -31,7 +31,6 @@ use Where::{AsPublished, Calibrated, Honest, Paper, World};
 const ALL: &[(Where, &[&str], &str)] = &[
     (Honest, &[], "limit_scale.velocity=0.5"),
     (Honest, &[], "limit_scale.acceleration=0.5"),
-    (Honest, &[], "limit_scale.torque=0.2"),
     (Paper, &["robot=panda"], "limit_scale.jerk=0.5"),
     (Honest, &[], "clock={ fixed_ms = 30 }"),
     (Calibrated, &[], "calibration.position_sd_m=0.02"),
@@ -73,10 +72,7 @@ const ALL: &[(Where, &[&str], &str)] = &[
     (World, &[], "arena.robot_errors.link_surface_sd_m=0.01"),
     (World, &[], "arena.robot_errors.tool_position_m=0.01"),
     (World, &[], "arena.robot_errors.tool_rotation_deg=1.0"),
-    (World, &[], "arena.robot_controller.stamp_error_s=0.001"),
-    (World, &[], "arena.robot_controller.single_precision=true"),
-    (World, &[], "arena.robot_controller.interpolator_lag_s=0.005"),
-    (World, &[], "arena.robot_controller.declined_fraction=1.0"),
+    (World, &[], "arena.robot_controller.inexact=true"),
     (World, &[], "arena.robot_controller.takes_jumps=true"),
     (World, &["arena.robot_controller.takes_jumps=true"], "arena.robot_controller.unlimited_torque=true"),
     (World, &[], "arena.robot_controller.gains.proportional_per_s2=300"),
@@ -103,7 +99,6 @@ const ALL: &[(Where, &[&str], &str)] = &[
     (Honest, &[], "brain.method=paper"),
     (Honest, &[], "brain.pose_estimation=paper"),
     (Honest, &[], "brain.flight_prediction=paper"),
-    (Honest, &[], "brain.catch_planning=paper"),
     (Honest, &[], "brain.perception.depth_noise={ constant_m = 0.3, quadratic_per_m = 0.01 }"),
     (Honest, NOISY, "brain.perception.depth_noise.constant_m=0.03"),
     (Honest, NOISY, "brain.perception.depth_noise.quadratic_per_m=0.004"),
@@ -322,7 +317,7 @@ fn each_setting_stands_in_the_table() {
                 let (of, value) = setting.split_once('=').unwrap();
                 of == path || path.starts_with(of) && value.split(|it| !is_word(it)).any(|word| word == name)
             });
-            if !is_shown && path != "brain.seed" && path != "arena.depth.model.perfect" {
+            if !is_shown && path != "arena.depth.model.perfect" {
                 missing.push(path);
             }
         }

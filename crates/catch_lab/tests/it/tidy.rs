@@ -12,7 +12,8 @@ use crate::source::{is_test_file, read, root, rust_files, string_literals, witho
 
 /// Crate → the crates of the workspace that it may depend on, for its tests, too.
 const CRATES: &[(&str, &[&str])] = &[
-    ("catch_body", &[]),
+    ("catch_quantity", &[]),
+    ("catch_body", &["catch_quantity"]),
     ("catch_cell", &["catch_body"]),
     ("catch_bot", &["catch_body", "catch_cell"]),
     ("catch_calibration", &["catch_body", "catch_cell", "catch_bot"]),
@@ -322,6 +323,27 @@ fn comments_are_narrow() {
             let columns = line.chars().count();
             let is_kept = is_example || comment.starts_with(['|', ' ', '{']);
             assert!(columns <= MOST_COLUMNS || is_kept, "{}: {columns} columns: {line}", file.display());
+        }
+    }
+}
+
+/// A type that names a quantity is checked against it only if the attribute stands above.
+#[test]
+fn fields_of_a_quantity_are_read_within_it() {
+    for file in rust_files("crates") {
+        let code = without_comments(&read(&file));
+        let mut is_checked = false;
+        for line in code.lines().map(str::trim) {
+            is_checked |= line.starts_with("#[quantity::checked");
+            // Constants are in capitals, functions are called.
+            let is_type = |name: &str| {
+                let end = name.find(|it: char| !it.is_alphanumeric() && it != '_').unwrap_or(name.len());
+                name.starts_with(|it: char| it.is_lowercase()) && !name[end..].starts_with(['(', ':', '!'])
+            };
+            let mut named =
+                [": quantity::", "(quantity::", ", quantity::"].iter().flat_map(|it| line.split(it).skip(1));
+            assert!(is_checked || !named.any(is_type), "{}: {line}", file.display());
+            is_checked &= line != "}";
         }
     }
 }

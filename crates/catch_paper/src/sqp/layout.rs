@@ -11,6 +11,9 @@ use super::waypoint::{ERRORS, Linearized, Waypoint};
 
 /// Price of an error, ρ: above any multiplier that was seen (about 1 per radian, metre or m/s).
 pub(super) const PRICE: f64 = 30.0;
+/// Weight of the distance from the comfortable pose, w. It makes the programs convex; any motion within the
+/// tolerances will do, as in the code.
+const COMFORT_WEIGHT: f64 = 1e-4;
 /// Keeps the programs strictly convex in variables that nothing else weighs.
 const DAMPING: f64 = 1e-7;
 /// Distance from the limits that rounding needs, relative, and that the solver's tolerance needs, in radians.
@@ -227,22 +230,20 @@ impl Layout {
         for joint in 0..self.dof {
             for k in 0..self.free {
                 let variable = joint * self.free + k;
-                hessian[(variable, variable)] += problem.comfort_weight;
+                hessian[(variable, variable)] += COMFORT_WEIGHT;
                 let wanted = problem.comfortable_q.map_or(x[variable], |it| it[joint]);
-                gradient[variable] = -problem.comfort_weight * wanted;
+                gradient[variable] = -COMFORT_WEIGHT * wanted;
             }
         }
         if self.stretch.is_some() {
             let variable = self.stretch_variable();
-            hessian[(variable, variable)] += problem.comfort_weight;
-            gradient[variable] = -problem.comfort_weight * x[variable];
+            hessian[(variable, variable)] += COMFORT_WEIGHT;
+            gradient[variable] = -COMFORT_WEIGHT * x[variable];
         }
-        gradient[self.fraction()] = -problem.speed_weight;
         let mut rows = limits.to_vec();
-        let [low, high] = problem.speed_fraction;
-        // An interior is needed, even of a range that is one number.
-        let room = if high - low < 1e-6 { 1e-9 } else { 0.0 };
-        for (sign, bound) in [(1.0, high + room), (-1.0, room - low)] {
+        // An interior is needed, even of one number.
+        let (fraction, room) = (problem.speed_fraction, 1e-9);
+        for (sign, bound) in [(1.0, fraction + room), (-1.0, room - fraction)] {
             rows.push(Row { first: self.fraction(), a: vec![sign], slack: None, bound });
         }
         // The trust region: a joint's position control points have rows of their own already, which it can
@@ -274,7 +275,7 @@ impl Layout {
             let distance = |(i, x): (usize, &f64)| (x - comfortable_q[i / self.free]).powi(2);
             x.iter().enumerate().take(self.fraction()).map(distance).sum()
         });
-        0.5 * problem.comfort_weight * far - problem.speed_weight * x[self.fraction()]
+        0.5 * COMFORT_WEIGHT * far
     }
 
     /// Sum of what the errors exceed their tolerances by, here or, by the linearization, a step away from

@@ -14,8 +14,8 @@ pub struct Problem<'a> {
     pub knots_s: Vec<f64>,
     /// State at the start.
     pub start: Setpoint,
-    /// Part of the start state that the motion keeps.
-    pub keeps_start: StartState,
+    /// True if the motion keeps it; else waypoints say what is wanted there.
+    pub keeps_start: bool,
     /// Bounds of the factor by which the motion's duration may differ from that of the knots. Waypoints are
     /// met at their knots' times stretched as much.
     pub stretch: [f64; 2],
@@ -25,27 +25,10 @@ pub struct Problem<'a> {
     pub limits: Vec<JointLimits>,
     /// Poses that the gripper must pass, and their times.
     pub waypoints: Vec<Waypoint>,
-    /// Least and highest fraction of the object's velocity.
-    pub speed_fraction: [f64; 2],
+    /// Fraction of the object's velocity.
+    pub speed_fraction: f64,
     /// The comfortable pose q₀; without one each program stays near the last one's motion.
     pub comfortable_q: Option<JointVector>,
-    /// Weight of the distance from it, w.
-    pub comfort_weight: f64,
-    /// Weight of the fraction of the object's velocity, κ.
-    pub speed_weight: f64,
-    /// True if any motion that meets the waypoints within their tolerances is as good as another.
-    pub first_will_do: bool,
-}
-
-/// Part of its start state that a motion keeps.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum StartState {
-    /// Nothing: waypoints say what is wanted there.
-    Nothing,
-    /// Position and velocity.
-    Velocity,
-    /// Position, velocity and acceleration.
-    Acceleration,
 }
 
 /// A motion that was found.

@@ -9,20 +9,19 @@ use crate::object_shape::{ColliderPart, Load, ShapeFields, Solid};
 
 /// Mass properties as the paper's simulator has them, whatever a body of that shape can have. Without a shape
 /// of its own, points are in O: along the axes of the shape, from the centre of mass of uniform density.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 pub(super) struct PublishedFields {
     /// Shape of the body, if it differs from the object's. Points are then in the frame of this one.
     shape: Option<ShapeFields>,
     /// Centre of mass.
-    #[serde(default, deserialize_with = "quantity::shape_m")]
-    com_m: [f64; 3],
+    #[serde(default)]
+    com_m: quantity::shape_m<[f64; 3]>,
     /// Principal moments about the centre of mass along the axes of the shape.
-    #[serde(deserialize_with = "quantity::moment_kgm2")]
-    inertia_kgm2: [f64; 3],
+    inertia_kgm2: quantity::moment_kgm2<[f64; 3]>,
     /// The origin of its frame.
-    #[serde(default, deserialize_with = "quantity::shape_m")]
-    origin_m: [f64; 3],
+    #[serde(default)]
+    origin_m: quantity::shape_m<[f64; 3]>,
     /// True if the body collides as the convex hull of its surface.
     #[serde(default)]
     convex_hull: bool,

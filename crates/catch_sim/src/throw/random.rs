@@ -8,33 +8,26 @@ use crate::{conditions::Conditions, drawn::Span, random_streams::Draws};
 
 /// A distribution of throws. Every one passes the base's axis (x = y = 0) at a drawn distance and height;
 /// where it comes from and how long it takes are drawn too. With that the throw is determined.
+#[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub(super) struct RandomMotion {
     /// Direction of the thrower, seen from the base: counterclockwise from x, in degrees.
-    #[serde(deserialize_with = "quantity::angle_deg")]
-    azimuth_deg: Span,
+    azimuth_deg: quantity::angle_deg<Span>,
     /// Distance of the release from the base's axis, in metres.
-    #[serde(deserialize_with = "quantity::distance_m")]
-    distance_m: Span,
+    distance_m: quantity::distance_m<Span>,
     /// Height of the release, in metres.
-    #[serde(deserialize_with = "quantity::place_m")]
-    height_m: Span,
+    height_m: quantity::place_m<Span>,
     /// Side on which the flight passes.
     side: Side,
     /// Smallest distance of the flight from the base's axis, in metres.
-    #[serde(deserialize_with = "quantity::distance_m")]
-    passage_distance_m: Span,
+    passage_distance_m: quantity::distance_m<Span>,
     /// Height of the flight there, in metres.
-    #[serde(deserialize_with = "quantity::place_m")]
-    passage_height_m: Span,
+    passage_height_m: quantity::place_m<Span>,
     /// Time of the passage after the release, in seconds.
-    #[serde(deserialize_with = "quantity::flight_s")]
-    passage_s: Span,
+    passage_s: quantity::flight_s<Span>,
     /// The length of the arm for which the passage is given; for a shorter arm it is nearer and lower in
     /// proportion. Without it the passage is the same for all arms.
-    #[serde(default, deserialize_with = "quantity::distance_m")]
-    arm_length_m: Option<f64>,
+    arm_length_m: quantity::distance_m<Option<f64>>,
 }
 
 /// Sense in which a flight passes around the base's axis, seen from above.

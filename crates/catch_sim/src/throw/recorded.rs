@@ -94,8 +94,8 @@ pub enum FlightSource {
 /// Recorded throws: the first throw is the first recording, and after the last one they begin anew. Each is
 /// turned about the vertical and moved so that it passes the base's axis (x = y = 0) at a drawn distance and
 /// height.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub(super) struct RecordedMotion {
     /// Folder of the recordings, from this file on: CSV files of `t,x,y,z` or `t,x,y,z,qx,qy,qz,qw` in
     /// seconds and metres, in the order of their names. Without orientations every throw draws one, and the
@@ -107,24 +107,19 @@ pub(super) struct RecordedMotion {
     /// along the recording until something touches it.
     flight: FlightSource,
     /// Direction of the thrower, seen from the base: counterclockwise from x, in degrees.
-    #[serde(deserialize_with = "quantity::angle_deg")]
-    azimuth_deg: Span,
+    azimuth_deg: quantity::angle_deg<Span>,
     /// Side on which the flight passes.
     side: Side,
     /// Smallest distance of the flight from the base's axis, in metres.
-    #[serde(deserialize_with = "quantity::distance_m")]
-    passage_distance_m: Span,
+    passage_distance_m: quantity::distance_m<Span>,
     /// Height of the flight there, in metres.
-    #[serde(deserialize_with = "quantity::place_m")]
-    passage_height_m: Span,
+    passage_height_m: quantity::place_m<Span>,
     /// Time of the passage after the release, in seconds; later where the object would have been released
     /// less than 0.2 m above the floor.
-    #[serde(deserialize_with = "quantity::flight_s")]
-    passage_s: Span,
+    passage_s: quantity::flight_s<Span>,
     /// The length of the arm for which the passage is given; for a shorter arm it is nearer and lower in
     /// proportion.
-    #[serde(deserialize_with = "quantity::distance_m")]
-    arm_length_m: f64,
+    arm_length_m: quantity::distance_m,
     /// The recordings.
     #[serde(skip)]
     flights: Vec<RecordedFlight>,

@@ -17,7 +17,7 @@ pub struct Field {
     /// Type; for a variant that of its content, empty if it has none.
     pub kind: String,
     pub doc: String,
-    /// The function of `quantity` that reads it.
+    /// Its quantity.
     pub quantity: Option<String>,
 }
 
@@ -78,9 +78,7 @@ fn fields(body: &[&str], snake_case: bool, indent: &str) -> Vec<Field> {
         } else if let Some((name, kind)) = code.split_once(": ").filter(|(name, _)| !name.contains(['(', '{'])) {
             (field.name, field.kind) = (name.to_owned(), kind.to_owned());
         } else if let Some((name, kind)) = code.split_once('(') {
-            let kind = kind.trim_end_matches(')');
-            field.quantity = quantity(kind);
-            (field.name, field.kind) = (name.to_owned(), kind.rsplit("] ").next().unwrap_or(kind).to_owned());
+            (field.name, field.kind) = (name.to_owned(), kind.trim_end_matches(')').to_owned());
         } else {
             field.name = code.split(" {").next().unwrap_or(code).to_owned();
         }
@@ -95,7 +93,8 @@ fn fields(body: &[&str], snake_case: bool, indent: &str) -> Vec<Field> {
         if snake_case {
             field.name = snake(&field.name);
         }
-        field.quantity = field.quantity.or(quantity(&attributes));
+        field.quantity = quantity(&field.kind).or(quantity(&attributes));
+        field.kind = bare(&field.kind).to_owned();
         if let Some((_, name)) = attributes.split_once("rename = \"") {
             field.name = name.split('"').next().unwrap_or(name).to_owned();
         }
@@ -118,8 +117,14 @@ fn visible(line: &str) -> &str {
     kept.unwrap_or(line)
 }
 
-fn quantity(attributes: &str) -> Option<String> {
-    let name = attributes.split_once("quantity::")?.1;
+/// Type of the numbers of a quantity.
+fn bare(kind: &str) -> &str {
+    let Some((_, kind)) = kind.split_once("quantity::") else { return kind };
+    kind.split_once('<').and_then(|(_, inner)| inner.strip_suffix('>')).unwrap_or("f64")
+}
+
+fn quantity(code: &str) -> Option<String> {
+    let name = code.split_once("quantity::")?.1;
     Some(name.chars().take_while(|it| it.is_alphanumeric() || *it == '_').collect())
 }
 
@@ -139,17 +144,16 @@ pub fn snake(name: &str) -> String {
 fn fields_and_variants_are_found() {
     let text = r#"
 /// A thing.
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[quantity::checked(rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum Thing {
     /// None
     /// at all.
     NotOne,
     /// One.
-    One(#[serde(deserialize_with = "quantity::size_m")] f64),
+    One(quantity::size_m),
     Two {
         /// Long.
-        #[serde(deserialize_with = "quantity::shape_m")]
-        a_m: Option<f64>,
+        a_m: quantity::shape_m<Option<f64>>,
     },
 }
 "#;

@@ -113,7 +113,7 @@ pub fn run_session(
     (seed, index): (u64, u64),
     alter: &mut dyn FnMut(&mut DepthFrame),
 ) -> ArenaSession {
-    let settings = setup.uncalibrated_config(seed, index).config().trajectory_optimization;
+    let settings = setup.uncalibrated_config().config().trajectory_optimization;
     let planner = MotionPlanner::new(setup.robot.clone(), setup.gripper.clone(), settings);
     let poses = choose_poses(config, &planner, &setup.gripper, guesses);
     let mut run = CalibrationRun::new(config.clone(), planner, guesses, poses.clone());
@@ -147,7 +147,7 @@ pub fn observe_flights(
         return Vec::new();
     }
     let cameras = calibrated_cameras(believed, &calibration.cameras);
-    let known = Arc::new(setup.knowledge().preparation(&setup.uncalibrated_config(seed, index), cameras));
+    let known = Arc::new(setup.knowledge().preparation(&setup.uncalibrated_config(), cameras));
     let thrown = Draws::new(Stream::Calibration, seed, index).bits();
     let waiting = (&setup.robot.ready_q, setup.waiting_width_m());
     let mut arena = Arena::new(setup.equipment(), &setup.release(thrown, 0), waiting, seed, index);

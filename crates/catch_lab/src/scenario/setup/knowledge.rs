@@ -30,10 +30,9 @@ pub struct Knowledge<'a> {
 }
 
 impl Knowledge<'_> {
-    /// The brain's settings in one scene, complete, with what a calibration found where there was one.
-    pub(crate) fn config(&self, calibrated: Option<&CalibratedCameras>, seed: u64, index: u64) -> BrainSettings {
-        let own_seed = Draws::new(Stream::Brain, seed, index).bits();
-        let mut config = BrainSettings { seed: own_seed, ..self.settings.clone() };
+    /// The brain's settings, complete, with what a calibration found where there was one.
+    pub(crate) fn config(&self, calibrated: Option<&CalibratedCameras>) -> BrainSettings {
+        let mut config = self.settings.clone();
         if let Some(calibrated) = calibrated {
             let p_WG = self.robot.gripper_pose(&self.robot.ready_q).translation.vector.into();
             let perception = &mut config.perception;
@@ -64,15 +63,20 @@ impl Setup {
         Knowledge { settings: &scenario.brain, robot, gripper, cameras, object: known_object }
     }
 
-    /// The brain's settings in one scene, but for what a calibration says.
-    pub fn uncalibrated_config(&self, seed: u64, index: u64) -> BrainSettings {
-        self.knowledge().config(None, seed, index)
+    /// The brain's settings, but for what a calibration says.
+    pub fn uncalibrated_config(&self) -> BrainSettings {
+        self.knowledge().config(None)
     }
 
-    /// The brain's settings in one scene: those of the scenario, what is known of object and cameras
-    /// beforehand, what a calibration claims, and a seed.
-    pub fn brain_config(&self, seed: u64, index: u64) -> BrainSettings {
-        self.knowledge().config(self.calibrated(seed).as_deref(), seed, index)
+    /// The brain's settings in scenes of `seed`: those of the scenario, what is known of object and cameras
+    /// beforehand, and what a calibration claims.
+    pub fn brain_config(&self, seed: u64) -> BrainSettings {
+        self.knowledge().config(self.calibrated(seed).as_deref())
+    }
+
+    /// Seed of what the brain draws at random in one scene.
+    pub fn brain_seed(&self, seed: u64, index: u64) -> u64 {
+        Draws::new(Stream::Brain, seed, index).bits()
     }
 
     /// Preparation of the brain before anything flies, with the cameras as they are in the rig's file.
@@ -80,7 +84,7 @@ impl Setup {
     /// # Panics
     /// If settings were changed in code to values out of their ranges.
     pub fn known(&self) -> &Arc<Preparation> {
-        let make = || self.knowledge().preparation(&self.uncalibrated_config(0, 0), self.cameras.clone());
+        let make = || self.knowledge().preparation(&self.uncalibrated_config(), self.cameras.clone());
         self.known.get_or_init(|| Arc::new(make()))
     }
 
@@ -93,7 +97,7 @@ impl Setup {
         match self.calibrated(seed) {
             None => self.known().clone(),
             Some(calibrated) => {
-                let make = || self.knowledge().preparation(&self.brain_config(seed, 0), calibrated.cameras.clone());
+                let make = || self.knowledge().preparation(&self.brain_config(seed), calibrated.cameras.clone());
                 self.known_calibrated.get(seed, make)
             }
         }
@@ -104,7 +108,6 @@ impl Setup {
     /// # Panics
     /// As [`known`](Self::known).
     pub fn brain(&self, seed: u64, index: u64) -> CatchingBot {
-        let settings = self.brain_config(seed, index);
-        settings.brain(self.known_for(seed), settings.seed)
+        self.brain_config(seed).brain(self.known_for(seed), self.brain_seed(seed, index))
     }
 }

@@ -14,10 +14,10 @@ pub const INFO: i32 = 2;
 /// Messages from tables: name and type of each field, and how it stands on the wire. Messages within others
 /// have no name on the wire.
 macro_rules! messages {
-    ($($(#[$about:meta])* $name:ident { $($field:ident: $kind:ty = [$($wire:tt)*],)* })*) => {
+    ($($(#[$about:meta])* $name:ident { $($field:ident: $kind:ty = $tag:literal $($wire:ident)*),* })*) => {
         $($(#[$about])* #[derive(Clone, PartialEq, Message)]
         pub struct $name {
-            $(#[prost($($wire)*)] pub $field: $kind,)*
+            $(#[prost($($wire,)* tag = $tag)] pub $field: $kind,)*
         }
         impl Name for $name {
             const NAME: &'static str = stringify!($name);
@@ -27,118 +27,63 @@ macro_rules! messages {
 }
 
 messages! {
-    Timestamp {
-        seconds: i64 = [int64, tag = "1"],
-        nanos: i32 = [int32, tag = "2"],
-    }
-    Vector3 {
-        x: f64 = [double, tag = "1"],
-        y: f64 = [double, tag = "2"],
-        z: f64 = [double, tag = "3"],
-    }
-    Quaternion {
-        x: f64 = [double, tag = "1"],
-        y: f64 = [double, tag = "2"],
-        z: f64 = [double, tag = "3"],
-        w: f64 = [double, tag = "4"],
-    }
-    PoseMessage {
-        position: Option<Vector3> = [message, optional, tag = "1"],
-        orientation: Option<Quaternion> = [message, optional, tag = "2"],
-    }
-    Color {
-        r: f64 = [double, tag = "1"],
-        g: f64 = [double, tag = "2"],
-        b: f64 = [double, tag = "3"],
-        a: f64 = [double, tag = "4"],
-    }
+    Timestamp { seconds: i64 = 1 int64, nanos: i32 = 2 int32 }
+    Vector3 { x: f64 = 1 double, y: f64 = 2 double, z: f64 = 3 double }
+    Quaternion { x: f64 = 1 double, y: f64 = 2 double, z: f64 = 3 double, w: f64 = 4 double }
+    PoseMessage { position: Option<Vector3> = 1 message optional, orientation: Option<Quaternion> = 2 message optional }
+    Color { r: f64 = 1 double, g: f64 = 2 double, b: f64 = 3 double, a: f64 = 4 double }
     FrameTransform {
-        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
-        parent_frame_id: String = [string, tag = "2"],
-        child_frame_id: String = [string, tag = "3"],
-        translation: Option<Vector3> = [message, optional, tag = "4"],
-        rotation: Option<Quaternion> = [message, optional, tag = "5"],
+        timestamp: Option<Timestamp> = 1 message optional, parent_frame_id: String = 2 string,
+        child_frame_id: String = 3 string, translation: Option<Vector3> = 4 message optional,
+        rotation: Option<Quaternion> = 5 message optional
     }
     /// Poses of frames in others.
-    FrameTransforms {
-        transforms: Vec<FrameTransform> = [message, repeated, tag = "1"],
-    }
+    FrameTransforms { transforms: Vec<FrameTransform> = 1 message repeated }
     JointState {
-        name: String = [string, tag = "1"],
-        position: Option<f64> = [double, optional, tag = "2"],
-        velocity: Option<f64> = [double, optional, tag = "3"],
-        effort: Option<f64> = [double, optional, tag = "5"],
+        name: String = 1 string, position: Option<f64> = 2 double optional, velocity: Option<f64> = 3 double optional,
+        effort: Option<f64> = 5 double optional
     }
     /// Joint positions, velocities and torques.
-    JointStates {
-        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
-        joints: Vec<JointState> = [message, repeated, tag = "2"],
-    }
-    PackedElementField {
-        name: String = [string, tag = "1"],
-        offset: u32 = [fixed32, tag = "2"],
-        numeric_type: i32 = [int32, tag = "3"],
-    }
+    JointStates { timestamp: Option<Timestamp> = 1 message optional, joints: Vec<JointState> = 2 message repeated }
+    PackedElementField { name: String = 1 string, offset: u32 = 2 fixed32, numeric_type: i32 = 3 int32 }
     /// Points with fields.
     PointCloud {
-        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
-        frame_id: String = [string, tag = "2"],
-        pose: Option<PoseMessage> = [message, optional, tag = "3"],
-        point_stride: u32 = [fixed32, tag = "4"],
-        fields: Vec<PackedElementField> = [message, repeated, tag = "5"],
-        data: Vec<u8> = [bytes = "vec", tag = "6"],
+        timestamp: Option<Timestamp> = 1 message optional, frame_id: String = 2 string,
+        pose: Option<PoseMessage> = 3 message optional, point_stride: u32 = 4 fixed32,
+        fields: Vec<PackedElementField> = 5 message repeated, data: Vec<u8> = 6 bytes
     }
     /// An image, not compressed.
     RawImage {
-        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
-        frame_id: String = [string, tag = "7"],
-        width: u32 = [fixed32, tag = "2"],
-        height: u32 = [fixed32, tag = "3"],
-        encoding: String = [string, tag = "4"],
-        step: u32 = [fixed32, tag = "5"],
-        data: Vec<u8> = [bytes = "vec", tag = "6"],
+        timestamp: Option<Timestamp> = 1 message optional, frame_id: String = 7 string, width: u32 = 2 fixed32,
+        height: u32 = 3 fixed32, encoding: String = 4 string, step: u32 = 5 fixed32, data: Vec<u8> = 6 bytes
     }
     /// Calibration of a camera: size, intrinsics and projection.
     CameraCalibration {
-        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
-        frame_id: String = [string, tag = "9"],
-        width: u32 = [fixed32, tag = "2"],
-        height: u32 = [fixed32, tag = "3"],
-        K: Vec<f64> = [double, repeated, tag = "6"],
-        R: Vec<f64> = [double, repeated, tag = "7"],
-        P: Vec<f64> = [double, repeated, tag = "8"],
+        timestamp: Option<Timestamp> = 1 message optional, frame_id: String = 9 string, width: u32 = 2 fixed32,
+        height: u32 = 3 fixed32, K: Vec<f64> = 6 double repeated, R: Vec<f64> = 7 double repeated,
+        P: Vec<f64> = 8 double repeated
     }
     /// One pose.
     PoseInFrame {
-        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
-        frame_id: String = [string, tag = "2"],
-        pose: Option<PoseMessage> = [message, optional, tag = "3"],
+        timestamp: Option<Timestamp> = 1 message optional, frame_id: String = 2 string,
+        pose: Option<PoseMessage> = 3 message optional
     }
     /// A line for people.
     Log {
-        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
-        level: i32 = [int32, tag = "2"],
-        message: String = [string, tag = "3"],
-        name: String = [string, tag = "4"],
+        timestamp: Option<Timestamp> = 1 message optional, level: i32 = 2 int32, message: String = 3 string,
+        name: String = 4 string
     }
     TriangleListPrimitive {
-        pose: Option<PoseMessage> = [message, optional, tag = "1"],
-        points: Vec<Vector3> = [message, repeated, tag = "2"],
-        color: Option<Color> = [message, optional, tag = "3"],
-        indices: Vec<u32> = [fixed32, repeated, tag = "5"],
+        pose: Option<PoseMessage> = 1 message optional, points: Vec<Vector3> = 2 message repeated,
+        color: Option<Color> = 3 message optional, indices: Vec<u32> = 5 fixed32 repeated
     }
     /// Entity that moves with one frame.
     SceneEntity {
-        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
-        frame_id: String = [string, tag = "2"],
-        id: String = [string, tag = "3"],
-        frame_locked: bool = [bool, tag = "5"],
-        triangles: Vec<TriangleListPrimitive> = [message, repeated, tag = "12"],
+        timestamp: Option<Timestamp> = 1 message optional, frame_id: String = 2 string, id: String = 3 string,
+        frame_locked: bool = 5 bool, triangles: Vec<TriangleListPrimitive> = 12 message repeated
     }
     /// Entities that are visible from now on.
-    SceneUpdate {
-        entities: Vec<SceneEntity> = [message, repeated, tag = "2"],
-    }
+    SceneUpdate { entities: Vec<SceneEntity> = 2 message repeated }
 }
 
 /// A time, from the beginning of the epoch or of the throw; none before it.
