@@ -12,33 +12,26 @@ use serde::{Deserialize, Serialize};
 use super::Grasp;
 
 /// Weights of the heuristics. All terms are costs between 0 and about 1.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct Weights {
     /// Weight of the fraction of the velocity that points at a finger, |v̂·x_G|.
-    #[serde(deserialize_with = "quantity::weight")]
-    pub catchability: f64,
+    pub catchability: quantity::weight,
     /// Weight of the distance of the centre of mass from the gripper's axis, per 30 mm.
-    #[serde(deserialize_with = "quantity::weight")]
-    pub strength: f64,
+    pub strength: quantity::weight,
     /// Weight of the distance by which the centre of mass is farther from the palm than the grasp centre, per
     /// 30 mm.
-    #[serde(deserialize_with = "quantity::weight")]
-    pub overhang: f64,
+    pub overhang: quantity::weight,
     /// Weight of the object's width between the fingers, per 100 mm: narrow parts are usually its long sides,
     /// which hold it better.
-    #[serde(deserialize_with = "quantity::weight")]
-    pub width: f64,
+    pub width: quantity::weight,
     /// Weight of passing through the gap instead of flying toward the palm, which gives four times the time
     /// to close.
-    #[serde(deserialize_with = "quantity::weight")]
-    pub pass_through: f64,
+    pub pass_through: quantity::weight,
     /// The fraction of the velocity that may point at a finger; grasps with more are dropped.
-    #[serde(deserialize_with = "quantity::cosine")]
-    pub max_sideways: f64,
+    pub max_sideways: quantity::cosine,
     /// The fraction of the velocity that may come from behind the palm.
-    #[serde(deserialize_with = "quantity::cosine")]
-    pub max_from_behind: f64,
+    pub max_from_behind: quantity::cosine,
 }
 
 impl Default for Weights {

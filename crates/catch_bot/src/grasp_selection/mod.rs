@@ -25,45 +25,36 @@ pub use fit::GraspFailure;
 pub use heuristics::{Approach, Passing, RankedGrasp};
 
 /// Settings of grasp selection.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// The centre of mass may be this much farther from the palm than the grasp centre: a long object that
     /// flies toward the palm end first.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub max_overhang_m: f64,
+    pub max_overhang_m: quantity::error_m,
     /// Free space on each side between the object and the open fingers, in metres, for the prediction's
     /// uncertainty. Where the gripper does not open so far there is less, not less than the approach margin.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub finger_margin_m: f64,
+    pub finger_margin_m: quantity::error_m,
     /// Least part of the finger margin that must be left while the object enters the gripper, in metres.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub approach_margin_m: f64,
+    pub approach_margin_m: quantity::error_m,
     /// Speed of closing in m/s, the fingers relative to each other; the gripper's own limit if nothing is
     /// said.
-    #[serde(deserialize_with = "quantity::drive_speed_mps")]
-    pub closing_speed_mps: Option<f64>,
+    pub closing_speed_mps: quantity::drive_speed_mps<Option<f64>>,
     /// Acceleration at which the fingers close, in m/s²; the gripper's largest if it is not set.
-    #[serde(deserialize_with = "quantity::drive_acceleration_mps2")]
-    pub closing_acceleration_mps2: Option<f64>,
+    pub closing_acceleration_mps2: quantity::drive_acceleration_mps2<Option<f64>>,
     /// The fingers should touch the object when its centre still has this far to go across them to the grasp
     /// centre, in metres: the way on which they brake it.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub finger_braking_distance_m: f64,
+    pub finger_braking_distance_m: quantity::error_m,
     /// Braking distance of an object that flies along the fingers toward the palm, from which it would
     /// bounce, in metres: fingers that close slowly should touch it as soon as it is between them.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub palm_braking_distance_m: f64,
+    pub palm_braking_distance_m: quantity::error_m,
     /// Reduction of the palm braking distance for soft objects, in metres: the distance becomes
     /// [`Config::palm_braking_distance_m`] less this times 1/e − 1, e being [`Config::restitution`], at least
     /// 0.3; it may be negative. An object that bounces fast must be held before it reaches the palm; a slow
     /// one may be held on its way back, when all of it is between the fingers.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub palm_rebound_distance_m: f64,
+    pub palm_rebound_distance_m: quantity::error_m,
     /// Expected coefficient of restitution of the object on the gripper, 0 to 1; a typical 0.5 if it is not
     /// set.
-    #[serde(deserialize_with = "quantity::fraction")]
-    pub restitution: Option<f64>,
+    pub restitution: quantity::fraction<Option<f64>>,
     /// Weights of the heuristics.
     pub weights: heuristics::Weights,
 }

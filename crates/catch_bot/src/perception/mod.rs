@@ -51,16 +51,15 @@ pub use symmetry::{RotationGroup, Symmetry};
 pub use view::{Prior, View};
 
 /// Settings of perception.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// Depth noise of the cameras, as their data sheet has it; none if it is not set.
     pub depth_noise: Option<DepthNoise>,
     /// Standard deviation in radians of the direction in which a camera sees the arm, from how it is said to
     /// stand: cameras are aligned on the arm that they see. A rotation that the camera's position makes up
     /// for there does not count. Zero where cameras are known exactly.
-    #[serde(deserialize_with = "quantity::error_rad")]
-    pub camera_sd_rad: f64,
+    pub camera_sd_rad: quantity::error_rad,
     /// True if the cameras see the floor, the plane z = 0; false if it is not set.
     pub floor_visible: Option<bool>,
     /// True if depths may be missing where there is a surface; false if no data sheet says so. No setting of
@@ -77,8 +76,7 @@ pub struct Config {
     pub depth_edge_px: Option<u32>,
     /// Images of each camera, the first ones, that show the cell before anything flies: whatever is in them
     /// is background. None by default: all beside the arm, known obstacles and the floor is then the object.
-    #[serde(deserialize_with = "quantity::background_images")]
-    pub background_images: usize,
+    pub background_images: quantity::background_images<usize>,
     /// Indices of cameras whose poses no calibration has found: their images are left out.
     pub uncalibrated_cameras: Vec<usize>,
 }

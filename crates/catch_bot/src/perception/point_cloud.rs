@@ -15,15 +15,13 @@ use super::{
 /// Standard deviation of a measured depth: σ(z) = c + q·z², in metres.
 ///
 /// The quadratic part is that of stereo: σ = z²·subpixel/(f·baseline).
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct DepthNoise {
     /// c in metres.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub constant_m: f64,
+    pub constant_m: quantity::error_m,
     /// q in 1/m.
-    #[serde(deserialize_with = "quantity::inverse_depth_per_m")]
-    pub quadratic_per_m: f64,
+    pub quadratic_per_m: quantity::inverse_depth_per_m,
 }
 
 impl DepthNoise {

@@ -44,8 +44,8 @@ use posture::{Elbow, PostureFinder};
 use reach_map::ReachMap;
 
 /// Settings of trajectory optimization.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// Plans stay this far from the ends of the joints' ranges, in radians, so that an impact cannot push a
     /// joint out. No setting of a file, like the two scalings after it.
@@ -59,15 +59,12 @@ pub struct Config {
     pub torque_scaling: f64,
     /// Fraction of the velocity limits that a joint may have at the catch: the impact of a banana adds up to
     /// 5 %.
-    #[serde(deserialize_with = "quantity::limit_scaling")]
-    pub terminal_velocity_scaling: f64,
+    pub terminal_velocity_scaling: quantity::limit_scaling,
     /// Mass of the object in kg, if it is known: the velocity that its impact adds to the joints is kept free
     /// for it.
-    #[serde(deserialize_with = "quantity::thrown_mass_kg")]
-    pub object_mass_kg: Option<f64>,
+    pub object_mass_kg: quantity::thrown_mass_kg<Option<f64>>,
     /// The arm keeps this far from itself and from the floor, in metres.
-    #[serde(deserialize_with = "quantity::size_m")]
-    pub clearance_m: f64,
+    pub clearance_m: quantity::size_m,
     /// Weights of the choice among reachable catches.
     pub weights: search::Weights,
 }

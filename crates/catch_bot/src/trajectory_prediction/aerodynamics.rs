@@ -20,29 +20,23 @@ use super::{
 use crate::perception::{ObjectPose, Symmetry};
 
 /// Prior of the forces. Zero by default: there are none.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct AerodynamicPrior {
     /// Standard deviation in 1/m of E's elements along the principal axes of inertia; of those beside them a
     /// fifth.
-    #[serde(deserialize_with = "quantity::drag_per_m")]
-    pub drag_deviation_sd_per_m: f64,
+    pub drag_deviation_sd_per_m: quantity::drag_per_m,
     /// Magnus coefficient c_M that is expected.
-    #[serde(deserialize_with = "quantity::magnus")]
-    pub magnus: f64,
+    pub magnus: quantity::magnus,
     /// Standard deviation of the Magnus coefficient.
-    #[serde(deserialize_with = "quantity::magnus")]
-    pub magnus_sd: f64,
+    pub magnus_sd: quantity::magnus,
     /// Standard deviation of each component of s, in rad/s. Where no Magnus coefficient is expected, s is the
     /// lift of all spin, seen or not.
-    #[serde(deserialize_with = "quantity::speed_radps")]
-    pub lift_sd_radps: f64,
+    pub lift_sd_radps: quantity::speed_radps,
     /// Decay c of the spin that is expected, ω̇ = −c·ω, in 1/s.
-    #[serde(deserialize_with = "quantity::decay_per_s")]
-    pub spin_decay_per_s: f64,
+    pub spin_decay_per_s: quantity::decay_per_s,
     /// Standard deviation of the spin's decay, in 1/s.
-    #[serde(deserialize_with = "quantity::decay_per_s")]
-    pub spin_decay_sd_per_s: f64,
+    pub spin_decay_sd_per_s: quantity::decay_per_s,
 }
 
 impl AerodynamicPrior {

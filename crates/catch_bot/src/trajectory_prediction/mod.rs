@@ -29,24 +29,20 @@ pub use tumbling::inertia_per_kg;
 use crate::perception::{ObjectPose, Symmetry};
 
 /// Settings of trajectory prediction.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// Drag constant k that is expected, in 1/m; zero if it is not set.
-    #[serde(deserialize_with = "quantity::drag_per_m")]
-    pub drag_prior_per_m: Option<f64>,
+    pub drag_prior_per_m: quantity::drag_per_m<Option<f64>>,
     /// Standard deviation of the expected drag constant, in 1/m; zero if it is not set. Zero, as in the
     /// paper's simulator, means that the drag is exactly as expected.
-    #[serde(deserialize_with = "quantity::drag_per_m")]
-    pub drag_prior_sd_per_m: Option<f64>,
+    pub drag_prior_sd_per_m: quantity::drag_per_m<Option<f64>>,
     /// Standard deviation of each component of the angular velocity around zero before anything is seen,
     /// rad/s.
-    #[serde(deserialize_with = "quantity::speed_radps")]
-    pub spin_prior_sd_radps: f64,
+    pub spin_prior_sd_radps: quantity::speed_radps,
     /// Error in metres that all poses have in common, at the arm and away from it (calibration of the
     /// cameras).
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub systematic_sd_m: f64,
+    pub systematic_sd_m: quantity::error_m,
     /// Standard deviation of an error that successive poses have in common, in metres for each metre between
     /// the pose and the origin of W, where the arm stands. It follows from `perception.camera_sd_rad`: no
     /// setting of a file.
@@ -54,8 +50,7 @@ pub struct Config {
     pub correlated_sd_per_m: Option<f64>,
     /// Standard deviation in metres of each coordinate by which the centre of mass may be beside that of the
     /// reference model, whose density is uniform; as the object's file says if it is not set.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub com_sd_m: Option<f64>,
+    pub com_sd_m: quantity::error_m<Option<f64>>,
     /// Forces that depend on orientation and spin. None are expected by default.
     pub aerodynamics: AerodynamicPrior,
     /// Disturbances that no model of the flight covers. None by default, as in the paper's simulator.

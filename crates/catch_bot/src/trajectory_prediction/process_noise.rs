@@ -9,15 +9,13 @@ use nalgebra::{Cholesky, Matrix3, Matrix6, SMatrix, SVector, U3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Densities of white noise. Both zero by default: the flight obeys its model.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct ProcessNoise {
     /// Noise density of the acceleration, in m/s²/√Hz.
-    #[serde(deserialize_with = "quantity::noise_density")]
-    pub acceleration: f64,
+    pub acceleration: quantity::noise_density,
     /// Noise density of the angular acceleration, in rad/s²/√Hz.
-    #[serde(deserialize_with = "quantity::noise_density")]
-    pub angular_acceleration: f64,
+    pub angular_acceleration: quantity::noise_density,
 }
 
 impl ProcessNoise {

@@ -4,16 +4,14 @@ use catch_body::quantity;
 use serde::{Deserialize, Serialize};
 
 /// Weights of the choice among catches that the arm can reach. All terms are costs.
+#[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct Weights {
     /// Weight of the object's speed relative to the gripper, per m/s: an object that passes the fingers
     /// slowly stays.
-    #[serde(deserialize_with = "quantity::weight")]
-    pub speed: f64,
+    pub speed: quantity::weight,
     /// Weight of the gripper's angular speed, per rad/s.
-    #[serde(deserialize_with = "quantity::weight")]
-    pub spin: f64,
+    pub spin: quantity::weight,
 }
 
 impl Default for Weights {
