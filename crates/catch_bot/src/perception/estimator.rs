@@ -135,7 +135,7 @@ pub const GATE_M: f64 = 0.05;
 /// Places at which an object that is not tracked is looked for in one set of images.
 const MOST_PLACES: usize = 3;
 
-/// Least fraction of an object that is found anew which its images show: the rest is beside what was found, or
+/// Least fraction that images show of an object which is found anew: the rest is beside what was found, or
 /// hidden by what stands before it.
 const LEAST_SHOWN: f64 = 0.5;
 
