@@ -44,8 +44,9 @@ pub fn in_folder(folder: &Path, least: usize) -> Result<Vec<PathBuf>, InputError
     Ok(paths)
 }
 
-/// Reads a track, oldest sighting first, and the last time in the file. A header may stand above it; rows in
-/// which a number is missing, not a number or beyond all bounds are gaps, and poses of zeros are. A row that stands there twice is read once.
+/// Reads a track, oldest sighting first, and the last time in the file. A header may stand above it. Rows in
+/// which a number is missing, not a number or beyond all bounds are gaps, as are poses of zeros. A row that
+/// stands there twice is read once.
 ///
 /// # Errors
 /// A file that cannot be read, rows with another number of columns or with words, times that do not rise, or
