@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use catch_body::{InputError, TriangleMesh, mesh_file::mesh_from_bytes};
+use catch_body::{InputError, TriangleMesh, document::Document, mesh_file::mesh_from_bytes};
 use catch_sim::object::check_length;
 use nalgebra::{Point3, Vector3};
 
@@ -220,28 +220,78 @@ fn points_in_columns(mut numbers: Numbers, columns: &[(&str, Number)], rows: usi
     Ok(cloud)
 }
 
-/// Lines of x y z; what follows on a line, such as a colour, is left out, and one line of words may stand
-/// above.
+/// Lines of x y z, or of what the first line names. Behind them may be unit normals; what else follows, such
+/// as a colour, is left out.
 fn parse_xyz(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
-    let mut cloud = CloudFile::default();
+    let mut cloud = CloudFile { points: Vec::new(), normals: Some(Vec::new()) };
+    let mut table = None;
+    // Without a name, other numbers than normals may stand there.
+    let mut are_normals = true;
     let text = String::from_utf8_lossy(bytes);
-    let mut may_be_header = true;
-    for (number, line) in text.lines().enumerate() {
+    for (number, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         let line = line.trim();
         if line.is_empty() || line.starts_with('#') {
             continue;
         }
         let cells = line.split(|c: char| c == ',' || c == ';' || c.is_whitespace()).filter(|cell| !cell.is_empty());
-        let values: Vec<Option<f64>> = cells.take(3).map(|cell| cell.parse().ok()).collect();
-        let is_header = std::mem::take(&mut may_be_header) && values.iter().all(Option::is_none);
-        let fault = |found: String| InputError::new(file, format!("line {}", number + 1), found, "x y z in metres");
-        match values[..] {
-            [Some(x), Some(y), Some(z)] => cloud.add(Point3::new(x, y, z), None).map_err(fault)?,
-            _ if is_header => {}
-            _ => return Err(fault(format!("`{}`", line.chars().take(80).collect::<String>()))),
+        let cells: Vec<&str> = cells.collect();
+        if table.is_none() && cells.iter().all(|it| it.parse::<f64>().is_err()) {
+            table = Some(XyzColumns::of_header(file, number + 1, &cells)?);
+            continue;
         }
+        let columns = table.get_or_insert_with(|| XyzColumns::unnamed(cells.len()));
+        let fault =
+            |found: String, expected: &str| InputError::new(file, format!("line {}", number + 1), found, expected);
+        let three = |of: [usize; 3]| -> Option<[f64; 3]> {
+            let values: Option<Vec<f64>> = of.iter().map(|i| cells.get(*i)?.parse().ok()).collect();
+            values?.try_into().ok()
+        };
+        let shown = || format!("`{}`", line.chars().take(80).collect::<String>());
+        let p: Point3<f64> = three(columns.place).ok_or_else(|| fault(shown(), "x y z in metres"))?.into();
+        if cells.len() != columns.count {
+            let expected = format!("the {} of the first row", columns.count);
+            return Err(fault(format!("{} columns", cells.len()), &expected));
+        }
+        let normal = columns.normal.map(|of| three(of).map(Vector3::from).unwrap_or_default());
+        let is_unit = |it: Vector3<f64>| (it.norm() - 1.0).abs() < 0.01;
+        are_normals &= columns.are_named || normal.is_some_and(is_unit) || !p.coords.sum().is_finite();
+        cloud.add(p, normal).map_err(|found| fault(found, "x y z in metres"))?;
     }
+    cloud.normals = cloud.normals.filter(|it| are_normals && it.len() == cloud.points.len());
     Ok(cloud)
+}
+
+/// Columns of a place and a normal in rows of so many.
+struct XyzColumns {
+    place: [usize; 3],
+    normal: Option<[usize; 3]>,
+    are_named: bool,
+    count: usize,
+}
+
+impl XyzColumns {
+    fn unnamed(count: usize) -> Self {
+        Self { place: [0, 1, 2], normal: (count >= 6).then_some([3, 4, 5]), are_named: false, count }
+    }
+
+    fn of_header(file: &str, line: usize, header: &[&str]) -> Result<Self, InputError> {
+        let lower: Vec<String> =
+            header.iter().map(|it| it.to_lowercase().trim_matches(['"', '\'', '/']).to_owned()).collect();
+        let names: Vec<&str> = lower.iter().map(String::as_str).collect();
+        let document = Document::from_columns(file, line, &names)?;
+        let root = document.root();
+        let column = |it: &&'static str| root.child(it)?.text().parse().ok();
+        let three = |names: [&'static str; 3]| -> Option<[usize; 3]> {
+            names.iter().map(column).collect::<Option<Vec<_>>>()?.try_into().ok()
+        };
+        let place = three(["x", "y", "z"]).or_else(|| three(["x_m", "y_m", "z_m"]));
+        let place = place.ok_or_else(|| {
+            let found = format!("columns {}", header.join(" "));
+            InputError::new(file, format!("line {line}"), found, "x y z in metres, among others under their names")
+        })?;
+        let normal = three(["nx", "ny", "nz"]).or_else(|| three(["normal_x", "normal_y", "normal_z"]));
+        Ok(Self { place, normal, are_named: true, count: header.len() })
+    }
 }
 
 #[cfg(test)]
@@ -271,7 +321,21 @@ mod tests {
         }
         assert_eq!(parse("b.ply", &bytes, false).unwrap().points, expected);
         assert_eq!(parse_pcd("c.pcd", PCD.as_bytes()).unwrap().points, expected);
-        assert_eq!(parse_xyz("d.xyz", b"x y z\n1 2 3\n").unwrap().points, expected);
+        for text in ["x y z\n1 2 3\n", "y x z\n2 1 3\n", "id,X,Y,Z\na,1,2,3\n", "\u{feff}1 2 3\n", "1 2 3 red\n"] {
+            assert_eq!(
+                parse_xyz("d.xyz", text.as_bytes()).unwrap(),
+                CloudFile { points: expected.into(), normals: None }
+            );
+        }
+    }
+
+    #[test]
+    fn normals_of_xyz_are_unit_vectors_or_named() {
+        let of = |text: &str| parse_xyz("d.xyz", text.as_bytes()).unwrap().normals;
+        let along_z = Some(vec![Vector3::z(); 2]);
+        assert_eq!(of("1 2 3 0 0 1\nnan nan nan 0 0 0\n4 5 6 0 0 1\n"), along_z);
+        assert_eq!(of("//x y z r nx ny nz\n1 2 3 7 0 0 2\n4 5 6 7 0 0 1\n"), along_z);
+        assert_eq!(of("1 2 3 0 0 1\n4 5 6 0 0.5 1\n"), None, "a colour");
     }
 
     #[test]
@@ -288,7 +352,7 @@ mod tests {
             (parse_pcd("c.pcd", PCD.replace("TYPE F F F", "TYPE F Q F").as_bytes()), "TYPE: found Q of 4 bytes"),
             (parse_pcd("c.pcd", PCD.replace("COUNT 1 1 1", "COUNT 1 -1 1").as_bytes()), "COUNT: found -1"),
             (parse_pcd("c.pcd", PCD.replace("POINTS 2", "POINTS two").as_bytes()), "POINTS: found two"),
-            (parse_xyz("d.xyz", b"a b c\nd e f\n1 2 3\n"), "line 2: found `d e f`"),
+            (parse_xyz("d.xyz", b"a b c\n1 2 3\n"), "line 1: found columns a b c"),
             (parse("a.ply", PLY.replace("vertex 2", "vertex 9").as_bytes(), false), "rows of vertex: found 3"),
             (
                 parse("a.ply", NO_FACES.replace("vertex 1", "vertex 9").as_bytes(), false),
@@ -296,6 +360,8 @@ mod tests {
             ),
             (parse_pcd("c.pcd", b"DATA binary_compressed\n"), "POINTS"),
             (parse_xyz("d.xyz", b"1 2 3\n1 2\n"), "line 2"),
+            (parse_xyz("d.xyz", b"x y z\nd e f\n"), "line 2: found `d e f`"),
+            (parse_xyz("d.xyz", b"1 2 3\n1 2 3 4\n"), "line 2: found 4 columns, expected the 3 of the first row"),
         ] {
             let fault = fault.unwrap_err().to_string();
             assert!(fault.contains(expected), "{fault}");

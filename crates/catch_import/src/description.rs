@@ -52,6 +52,8 @@ pub struct Link {
     pub inertia: Option<Inertia>,
     /// Coulomb friction coefficient of the link's surface, if the file says one.
     pub friction: Option<f64>,
+    /// Coefficient of restitution, if the file says one.
+    pub restitution: Option<f64>,
     /// The shape for collisions.
     pub collisions: Vec<Geometry>,
     /// The shape for the eye.

@@ -114,6 +114,7 @@ impl ImportedObject {
             parts: parts.unwrap_or_default(),
             stated: &stated,
             friction: source.friction,
+            restitution: source.restitution,
         };
         let (truth, known, beside) = (draft.truth_toml(), draft.known_toml(), draft.files());
         let load = |name: &str| {

@@ -201,7 +201,7 @@ fn read_limits(
     let beside = file.with_file_name(LIMITS_FILE);
     let path = match &options.joint_limits {
         Some(path) => path.clone(),
-        None if beside.is_file() => beside,
+        None if beside.exists() => beside,
         None => return Ok(BTreeMap::new()),
     };
     let text = FileKind::toml("limits of joints in YAML").read_text(&path)?;

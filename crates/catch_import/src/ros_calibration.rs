@@ -44,12 +44,17 @@ const SHAPE: &str = "rows cols";
 const NUMBER: Quantity = Quantity { least: -1e9, most: 1e9, unit: "" };
 
 /// The value that a path of keys leads to.
-fn value<'d>(document: &'d Document, path: &[&'static str]) -> Option<Node<'d>> {
-    path.iter().try_fold(document.root(), |node, key| node.child(key)).filter(|it| !it.is_null())
+fn value<'d>(document: &'d Document, path: &[&'static str]) -> Result<Option<Node<'d>>, InputError> {
+    let mut node = document.root();
+    for key in path {
+        let Some(child) = yaml::table(node)?.child(key) else { return Ok(None) };
+        node = child;
+    }
+    Ok(Some(node).filter(|it| !it.is_null()))
 }
 
 fn needed<'d>(document: &'d Document, path: &[&'static str], what: &str) -> Result<Node<'d>, InputError> {
-    value(document, path).ok_or_else(|| InputError::new(document.file(), path.join("."), "nothing", what))
+    value(document, path)?.ok_or_else(|| InputError::new(document.file(), path.join("."), "nothing", what))
 }
 
 fn number(document: &Document, path: &[&'static str], range: Quantity) -> Result<f64, InputError> {
@@ -92,45 +97,61 @@ pub fn read_camera_info(path: &Path) -> Result<CameraModel, InputError> {
 /// As [`read_camera_info`].
 pub fn camera_info(file: &str, text: &str) -> Result<CameraModel, InputError> {
     let document = yaml::document(file, text)?;
-    let size = |key| number(&document, &[key], quantity::IMAGE_PX).map(|it| it as u32);
+    let size = |key| {
+        let node = needed(&document, &[key], "a number of pixels")?;
+        let whole = Some(node.number(quantity::IMAGE_PX)?).filter(|it| it.fract() == 0.0);
+        whole.map(|it| it as u32).ok_or_else(|| node.fault(node.text(), "a whole number of pixels"))
+    };
     let (width_px, height_px) = (size("image_width")?, size("image_height")?);
     let data = needed(&document, &["camera_matrix", "data"], "9 numbers")?;
-    let [fx, skew, cx, zero, fy, cy, ..] = data.numbers::<9>(NUMBER)?;
-    if (fx / fy - 1.0).abs().is_nan() || (fx / fy - 1.0).abs() > SQUARE || skew != 0.0 || zero != 0.0 {
-        let expected = "focal lengths along both axes that are alike, and no skew: square pixels";
+    let [fx, skew, cx, zero, fy, cy, below @ ..] = data.numbers::<9>(NUMBER)?;
+    if (fx / fy - 1.0).abs().is_nan() || (fx / fy - 1.0).abs() > SQUARE {
+        let expected = "focal lengths along both axes that are alike: square pixels";
         return Err(data.fault(format!("{fx} and {fy}"), expected));
     }
-    let distortion = value(&document, &["distortion_coefficients", "data"]);
-    for coefficient in distortion.into_iter().flat_map(Node::items) {
+    if zero != 0.0 || below != [0.0, 0.0, 1.0] {
+        let found = format!("{zero} below the first number and {below:?} as the third row");
+        return Err(data.fault(found, "0 there and [0, 0, 1] as the third row: numbers row by row"));
+    }
+    if skew != 0.0 {
+        return Err(data.fault(format!("a skew of {skew}"), "no skew: 0 as the second number"));
+    }
+    let place = |value: f64, size_px: u32| {
+        let in_image = Quantity { least: 0.0, most: f64::from(size_px), unit: "pixels, a place in the image" };
+        in_image.check(file, "camera_matrix.data", value)
+    };
+    let principal_px = [place(cx, width_px)?, place(cy, height_px)?];
+    undistorted(&document)?;
+    as_taken(&document, [f64::from(width_px), f64::from(height_px)])?;
+    rectified(&document, [fx, fy, cx, cy])?;
+    optical(value(&document, &["header", "frame_id"])?)?;
+    document.finish(&[HARMLESS])?;
+    let focal_px = quantity::FOCAL_PX.check(file, "camera_matrix.data", f64::midpoint(fx, fy))?;
+    Ok(CameraModel { X_WC: Pose::identity(), width_px, height_px, focal_px, principal_px, rate_hz: None, sheet: None })
+}
+
+/// Checks that the images come without distortion.
+fn undistorted(document: &Document) -> Result<(), InputError> {
+    let Some(data) = value(document, &["distortion_coefficients", "data"])? else { return Ok(()) };
+    if !data.is_list() {
+        return Err(data.fault(format!("`{}`", data.text()), "a list of numbers"));
+    }
+    for coefficient in data.items() {
         if coefficient.number(NUMBER)?.abs() > RECTIFIED {
             return Err(coefficient.fault(coefficient.text(), "zeros: depth images come rectified"));
         }
     }
-    as_taken(&document, [f64::from(width_px), f64::from(height_px)])?;
-    rectified(&document, [fx, fy, cx, cy])?;
-    optical(value(&document, &["header", "frame_id"]))?;
-    document.finish(&[HARMLESS])?;
-    let focal_px = quantity::FOCAL_PX.check(file, "camera_matrix.data", f64::midpoint(fx, fy))?;
-    let place = |value: f64| quantity::IMAGE_COORDINATE_PX.check(file, "camera_matrix.data", value);
-    Ok(CameraModel {
-        X_WC: Pose::identity(),
-        width_px,
-        height_px,
-        focal_px,
-        principal_px: [place(cx)?, place(cy)?],
-        rate_hz: None,
-        sheet: None,
-    })
+    Ok(())
 }
 
 /// Checks that the images have all pixels of which the file speaks.
 fn as_taken(document: &Document, [width_px, height_px]: [f64; 2]) -> Result<(), InputError> {
     let count = |path: &[&'static str]| {
-        let node = value(document, path);
+        let node = value(document, path)?;
         node.map(|it| it.number(NUMBER).map(|number| (it, number))).transpose()
     };
     for key in ["binning_x", "binning_y"] {
-        if let Some((node, other)) = count(&[key])?.filter(|it| it.1 > 1.0) {
+        if let Some((node, other)) = count(&[key])?.filter(|it| ![0.0, 1.0].contains(&it.1)) {
             let expected = "0 or 1: the size and the matrices of the images as they are sent";
             return Err(node.fault(other, expected));
         }
@@ -146,7 +167,7 @@ fn as_taken(document: &Document, [width_px, height_px]: [f64; 2]) -> Result<(), 
 
 /// Checks that the matrices for rectified images are those of the camera, whose images are rectified.
 fn rectified(document: &Document, [fx, fy, cx, cy]: [f64; 4]) -> Result<(), InputError> {
-    let rotation = value(document, &["rectification_matrix", "data"]);
+    let rotation = value(document, &["rectification_matrix", "data"])?;
     if let Some(node) = rotation {
         let is_identity = node.numbers::<9>(NUMBER)?.iter().enumerate().all(|(i, it)| {
             let right = if i % 4 == 0 { 1.0 } else { 0.0 };
@@ -156,7 +177,7 @@ fn rectified(document: &Document, [fx, fy, cx, cy]: [f64; 4]) -> Result<(), Inpu
             return Err(node.fault("a rotation", "the identity: depth images come rectified"));
         }
     }
-    let Some(node) = value(document, &["projection_matrix", "data"]) else { return Ok(()) };
+    let Some(node) = value(document, &["projection_matrix", "data"])? else { return Ok(()) };
     let found = node.numbers::<12>(NUMBER)?;
     let right = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0];
     if found.iter().all(|it| *it == 0.0) || found.iter().zip(right).all(|(it, right)| (it - right).abs() <= 1e-3) {
@@ -199,21 +220,23 @@ pub fn hand_eye(file: &str, text: &str, base_link: &str) -> Result<Pose, InputEr
     let document = yaml::document(file, text)?;
     let parameter = |key| value(&document, &["parameters", key]);
     let beside = "eye_on_base: a camera beside the robot";
-    if let Some(kind) = parameter("calibration_type").filter(|it| it.text() != "eye_on_base") {
+    if let Some(kind) = parameter("calibration_type")?.filter(|it| it.text() != "eye_on_base") {
         return Err(kind.fault(kind.text(), beside));
     }
-    if let Some(on_hand) = parameter("eye_on_hand").filter(|it| it.text() != "false") {
+    if let Some(on_hand) = parameter("eye_on_hand")?
+        && yaml::boolean(on_hand)?
+    {
         return Err(on_hand.fault(on_hand.text(), beside));
     }
-    if let Some(other) = parameter("robot_base_frame").filter(|it| !matches!(it.text().trim_matches('/'), "" | "''"))
+    if let Some(other) = parameter("robot_base_frame")?.filter(|it| !matches!(it.text().trim_matches('/'), "" | "''"))
         && other.text().trim_start_matches('/') != base_link
     {
         let expected = format!("{base_link}, the arm's base, in which the camera's pose has to be");
         return Err(other.fault(other.text(), expected));
     }
-    optical(parameter("tracking_base_frame"))?;
+    optical(parameter("tracking_base_frame")?)?;
     // `easy_handeye` writes all seven numbers in one mapping.
-    let is_first = value(&document, &["transformation"]).is_some();
+    let is_first = value(&document, &["transformation"])?.is_some();
     let (place, turn) = if is_first {
         (vec!["transformation"], ["qx", "qy", "qz", "qw"])
     } else {
@@ -287,6 +310,19 @@ mod tests {
         for (text, from, to, expected) in [
             (&info, "image_width: 848", "image_width: wide", "info.yaml: line 1: image_width: found `wide`"),
             (&info, "data: [0.0, 0.0, 0.0, 0.0, 0.0]", "data: [0.1, 0.0, 0.0, 0.0, 0.0]", "rectified"),
+            (&info, "data: [0.0, 0.0, 0.0, 0.0, 0.0]", "data: 0.1", "distortion_coefficients.data: found `0.1`"),
+            (&info, "camera_name: left", "roi: 5", "roi: found `5`, expected a table"),
+            (&info, "image_width: 848", "image_width: 848.6", "image_width: found 848.6, expected a whole number"),
+            (&info, ", 0.0, 423.1,", ", 0.0, 4240.0,", "camera_matrix.data: found 4240, expected 0 to 848 pixels"),
+            (&info, ", 0.0, 423.1,", ", 3.0, 423.1,", "camera_matrix.data: found a skew of 3"),
+            (
+                &info,
+                "241.7, 0.0, 0.0, 1.0]",
+                "0.0, 423.1, 241.7, 1.0]",
+                "found 0 below the first number and [423.1, 241.7, 1.0]",
+            ),
+            (&info, "camera_name: left", "binning_x: -2", "binning_x: found -2"),
+            (&info, "camera_name: left", "binning_y: 0.5", "binning_y: found 0.5"),
             (&info, "camera_matrix", "camera_metrics", "camera_matrix.data: found nothing"),
             (&result, "eye_on_base", "eye_in_hand", "parameters.calibration_type"),
             (&result, "    w: ", "    w: 9", "transform.rotation.w"),
@@ -333,6 +369,7 @@ mod tests {
         assert!((X_BC.rotation.angle() - std::f64::consts::PI).abs() < 1e-12);
         let second = "transform: {translation: {x: 1, y: 2, z: 0.5}, rotation: {x: 0, y: 0, z: 1, w: 0}}\n";
         assert_eq!(hand_eye("a.yaml", second, "base").unwrap(), X_BC);
+        assert_eq!(hand_eye("a.yaml", &first.replace("false", "False"), "base").unwrap(), X_BC);
         assert!(hand_eye("a.yaml", &first.replace("false", "true"), "base").is_err());
         let info = camera_info_yaml("left", &camera())
             + "binning_x: 0\nbinning_y: 1\nroi:\n  x_offset: 0\n  y_offset: 0\n  height: 480\n  width: 848\n  do_rectify: false\n";

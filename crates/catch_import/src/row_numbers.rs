@@ -120,7 +120,7 @@ impl Numbers<'_> {
         let (field, found) = match (self.next_word(), self.encoding) {
             (Some((line, word)), _) => (line, format!("`{word}`")),
             (None, Encoding::Text) => return Ok(()),
-            (None, _) if more == 0 => return Ok(()),
+            (None, _) if self.bytes[self.at..].iter().all(u8::is_ascii_whitespace) => return Ok(()),
             (None, _) => ("rows".to_owned(), format!("{more} bytes more")),
         };
         Err(InputError::new(self.file, field, found, "no more than the rows of the header"))

@@ -4,7 +4,7 @@
 
 use catch_body::{
     InputError,
-    document::{Document, Format, NONE},
+    document::{Document, Format, NONE, Node},
 };
 use saphyr_parser::{Event, Parser, StrInput};
 
@@ -12,6 +12,31 @@ use saphyr_parser::{Event, Parser, StrInput};
 const MOST_LINES: usize = 20_000;
 /// Mappings and lists within one another at most.
 const DEEPEST: usize = 8;
+
+/// The value of a key that is true or false, in the words of YAML 1.1 or as a number.
+///
+/// # Errors
+/// Any other word.
+pub fn boolean(node: Node) -> Result<bool, InputError> {
+    match &*node.text().to_ascii_lowercase() {
+        "true" | "yes" | "on" | "y" | "1" => Ok(true),
+        "false" | "no" | "off" | "n" | "0" => Ok(false),
+        _ => Err(node.fault(format!("`{}`", node.text()), "true or false")),
+    }
+}
+
+/// A part that has keys or says nothing.
+///
+/// # Errors
+/// A list or a single value.
+pub fn table(node: Node) -> Result<Node, InputError> {
+    let found = match node.is_list() {
+        true => "a list".to_owned(),
+        false if node.is_null() || node.elements().next().is_some() => return Ok(node),
+        false => format!("`{}`", node.text()),
+    };
+    Err(node.fault(found, "a table of keys and values"))
+}
 
 struct Reader<'a> {
     document: Document,

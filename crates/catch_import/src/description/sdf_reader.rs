@@ -6,6 +6,7 @@ use super::{Description, Geometry, Link, Shape};
 use catch_body::{
     InputError, Pose,
     document::{Document, Harmless, Node},
+    quantity,
     quantity::Quantity,
     robot::Inertia,
     urdf,
@@ -28,7 +29,7 @@ const WATER_KGPM3: f64 = 1000.0;
 /// Friction coefficients, some of which are none of a surface: of some simulators -1 is that nothing slips.
 const FRICTION: Quantity = Quantity { least: -f64::MAX, most: f64::MAX, unit: "" };
 
-/// Names that only place, move, draw or sense; friction is found within `<surface>`.
+/// Names that only place, move, draw or sense; friction and bounce are found within `<surface>`.
 const HARMLESS: Harmless = &[
     ("sdf", "@version light"),
     (
@@ -132,7 +133,10 @@ fn link(node: Node, name: &str) -> Result<Link, InputError> {
     let inertia = inertial.map(|it| inertia(it, name, &parts)).transpose()?.flatten();
     let frictions: Vec<f64> =
         node.children("collision").filter_map(friction).map(|it| it.number(FRICTION)).collect::<Result<_, _>>()?;
-    Ok(Link { inertia, friction: frictions.into_iter().reduce(f64::min), collisions, visuals })
+    let bounces = node.children("collision").flat_map(Node::descendants);
+    let bounces = bounces.filter(|it| it.name() == "restitution_coefficient").map(|it| it.number(quantity::FRACTION));
+    let restitution = bounces.collect::<Result<Vec<_>, _>>()?.into_iter().reduce(f64::min);
+    Ok(Link { inertia, friction: frictions.into_iter().reduce(f64::min), restitution, collisions, visuals })
 }
 
 /// The friction coefficient of a collision, as Drake has it or, without that, as ODE has it.
@@ -268,15 +272,16 @@ mod tests {
         <inertial><pose>0 0 0.01 0 0 0</pose><mass>0.3</mass><inertia><ixx>1e-3</ixx><iyy>1e-3</iyy><izz>2e-3</izz></inertia></inertial>
         <visual name="v"><pose>0 0 0.1 1.5707963 0 0</pose><geometry><mesh><uri>package://a/can.gltf</uri></mesh></geometry></visual>
         <collision name="c"><geometry><cylinder><radius>0.03</radius><length>0.1</length></cylinder></geometry>
-        <surface><friction><ode><mu>0.4</mu></ode></friction></surface></collision></link></model></sdf>"#;
+        <surface><bounce><restitution_coefficient>0.9</restitution_coefficient></bounce>
+        <friction><ode><mu>0.4</mu></ode></friction></surface></collision></link></model></sdf>"#;
 
     #[test]
-    fn a_link_is_read_with_its_mass_shapes_and_friction() {
+    fn a_link_is_read_with_its_mass_shapes_and_surface() {
         let description = Description::from_sdf("can.sdf", CAN).unwrap();
         let can = &description.links["can"];
         let inertia = can.inertia.unwrap();
         assert_eq!((inertia.mass, inertia.com, inertia.about_com[(2, 2)]), (0.3, Point3::new(0.0, 0.0, 0.01), 2e-3));
-        assert_eq!(can.friction, Some(0.4));
+        assert_eq!((can.friction, can.restitution), (Some(0.4), Some(0.9)));
         assert_eq!(can.collisions[0].shape, Shape::Cylinder { radius_m: 0.03, length_m: 0.1 });
         let mesh = Shape::Mesh { file: "package://a/can.gltf".into(), scale: Vector3::repeat(1.0) };
         assert_eq!(can.visuals[0].shape, mesh);
@@ -288,6 +293,7 @@ mod tests {
         for (from, to, expected) in [
             ("sdf", "urdf", "found <urdf>"),
             ("<mass>0.3", "<mass>heavy", "link can.inertial.mass: found `heavy`"),
+            (">0.9<", ">9<", "bounce.restitution_coefficient: found `9`"),
             ("<radius>0.03</radius>", "", "no <radius>"),
             ("<pose>0 0 0.1 1.5707963 0 0", "<pose>0 0 0.1", "visual v.pose: found `0 0 0.1`"),
             ("package://a/can.gltf", "", "a mesh without <uri>"),

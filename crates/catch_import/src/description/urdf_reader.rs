@@ -92,9 +92,14 @@ fn link(element: &Element) -> Result<Link, InputError> {
         None => None,
     };
     let shapes = |name| element.children(name).map(|it| geometry(&it)).collect::<Result<Vec<_>, _>>();
-    let contact = element.child("contact")?.map(|it| it.child("lateral_friction")).transpose()?.flatten();
-    let friction = contact.map(|it| it.number("value", quantity::FRICTION)).transpose()?;
-    Ok(Link { inertia, friction, collisions: shapes("collision")?, visuals: shapes("visual")? })
+    let contact = element.child("contact")?;
+    let of_contact = |name, range| -> Result<Option<f64>, InputError> {
+        let stated = contact.as_ref().map(|it| it.child(name)).transpose()?.flatten();
+        stated.map(|it| it.number("value", range)).transpose()
+    };
+    let friction = of_contact("lateral_friction", quantity::FRICTION)?;
+    let restitution = of_contact("restitution", quantity::FRACTION)?;
+    Ok(Link { inertia, friction, restitution, collisions: shapes("collision")?, visuals: shapes("visual")? })
 }
 
 fn weighs_something(inertial: &Element) -> Result<bool, InputError> {

@@ -23,6 +23,7 @@ pub(super) struct Draft<'a> {
     pub parts: Vec<TriangleMesh>,
     pub stated: &'a Stated,
     pub friction: Option<f64>,
+    pub restitution: Option<f64>,
 }
 
 impl Draft<'_> {
@@ -37,7 +38,10 @@ impl Draft<'_> {
             add(format!("# Assumed: {reason}."));
         }
         add(format!("mass_kg = {mass_kg}"));
-        add(format!("# Assumed: nobody says how it bounces.\nrestitution = {RESTITUTION:?}"));
+        if self.restitution.is_none() {
+            add("# Assumed: nobody says how it bounces.".into());
+        }
+        add(format!("restitution = {:?}", self.restitution.unwrap_or(RESTITUTION)));
         add(format!(
             "# Assumed: ½·ρ·C_D·A/m with C_D = {DRAG_COEFFICIENT} and A the mean silhouette of its convex hull.\n\
              drag_per_m = {drag_per_m}"
@@ -69,9 +73,10 @@ impl Draft<'_> {
         let drag_sd = (drag_per_m * 0.3 * 1e4).round() / 1e4;
         format!(
             "# What is known beforehand, beside a scan of the object from all sides. Only the brain reads this table.\n[known]\n\
-             mass_kg = {mass_kg}\ndrag_per_m = {drag_per_m}\ndrag_sd_per_m = {}\nrestitution = {RESTITUTION:?}\n\
+             mass_kg = {mass_kg}\ndrag_per_m = {drag_per_m}\ndrag_sd_per_m = {}\nrestitution = {:?}\n\
              # Assumed: how far its centre of mass may be from that of uniform density.\ncom_sd_m = {COM_SD_M:?}\n",
-            drag_sd.max(1e-4)
+            drag_sd.max(1e-4),
+            self.restitution.unwrap_or(RESTITUTION)
         )
     }
 

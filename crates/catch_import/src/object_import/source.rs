@@ -64,6 +64,8 @@ pub(super) struct Source {
     pub inertia: Option<Inertia>,
     /// Coulomb friction coefficient.
     pub friction: Option<f64>,
+    /// Coefficient of restitution.
+    pub restitution: Option<f64>,
     /// Shapes for collisions, if they are others than the surface.
     parts: Vec<TriangleMesh>,
     /// Findings that a reader may want to know.
@@ -131,6 +133,7 @@ impl Source {
             in_metres: true,
             inertia: link.inertia,
             friction: link.friction.filter(|it| quantity::FRICTION.contains(*it)),
+            restitution: link.restitution,
             ..Self::default()
         };
         let shapes = link.visuals.len() + link.collisions.len();

@@ -32,6 +32,24 @@ pub struct JointLimitFields {
     pub effort: Option<f64>,
 }
 
+impl JointLimitFields {
+    /// The narrower of each limit.
+    fn narrowed(&self, other: &Self) -> Self {
+        Self {
+            lower: narrowed(self.lower, other.lower, f64::max),
+            upper: narrowed(self.upper, other.upper, f64::min),
+            velocity: narrowed(self.velocity, other.velocity, f64::min),
+            acceleration: narrowed(self.acceleration, other.acceleration, f64::min),
+            jerk: narrowed(self.jerk, other.jerk, f64::min),
+            effort: narrowed(self.effort, other.effort, f64::min),
+        }
+    }
+}
+
+fn narrowed(one: Option<f64>, other: Option<f64>, pick: fn(f64, f64) -> f64) -> Option<f64> {
+    [one, other].into_iter().flatten().reduce(pick)
+}
+
 /// Names that do not concern a joint's limits.
 const HARMLESS: Harmless =
     &[("", "default_velocity_scaling_factor default_acceleration_scaling_factor cartesian_limits")];
@@ -46,8 +64,10 @@ pub fn read(file: &str, text: &str) -> Result<BTreeMap<String, JointLimitFields>
     let mut waiting = vec![document.root()];
     while let Some(node) = waiting.pop() {
         for limits in node.children("joint_limits") {
-            for joint in limits.elements() {
-                all.insert(joint.name().to_owned(), of_joint(joint.read())?);
+            for joint in yaml::table(limits)?.elements() {
+                let limits = of_joint(yaml::table(joint.read())?)?;
+                let known: &mut JointLimitFields = all.entry(joint.name().to_owned()).or_default();
+                *known = known.narrowed(&limits);
             }
         }
         // Parameters of nodes have names around them: `/**: ros__parameters: robot_description_planning: …`.
@@ -68,7 +88,7 @@ fn holds_limits(node: Node) -> bool {
 
 fn of_joint(joint: Node) -> Result<JointLimitFields, InputError> {
     let value = |key| joint.child(key).filter(|it| !it.is_null());
-    let has = |key| value(key).is_none_or(|it| matches!(&*it.text().to_lowercase(), "true" | "yes" | "on"));
+    let has = |key| value(key).map_or(Ok(true), yaml::boolean);
     let number = |has: bool, key, range: Quantity| {
         let Some(node) = value(key).filter(|_| has) else { return Ok(None) };
         let (text, factor) = match node.text().strip_prefix("!degrees") {
@@ -78,30 +98,35 @@ fn of_joint(joint: Node) -> Result<JointLimitFields, InputError> {
         let number = text.parse::<f64>().ok().map(|it| it * factor).filter(|it| range.contains(*it));
         number.map(Some).ok_or_else(|| node.fault(format!("`{}`", node.text()), range))
     };
-    let has_position = has("has_position_limits");
-    let has_soft = value("has_soft_limits").is_some() && has("has_soft_limits");
+    let has_position = has("has_position_limits")?;
+    let has_soft = value("has_soft_limits").is_some() && has("has_soft_limits")?;
     let range = quantity::JOINT_POSITION_RAD;
-    let narrowed = |one: Option<f64>, other: Option<f64>, pick: fn(f64, f64) -> f64| {
-        [one, other].into_iter().flatten().reduce(pick)
-    };
     let (lower, upper) = (number(has_position, "min_position", range)?, number(has_position, "max_position", range)?);
     let soft = [number(has_soft, "soft_lower_limit", range)?, number(has_soft, "soft_upper_limit", range)?];
-    if has("angle_wraparound") && value("angle_wraparound").is_some() && (lower.is_some() || upper.is_some()) {
+    if has("angle_wraparound")? && value("angle_wraparound").is_some() && (lower.is_some() || upper.is_some()) {
         return Err(joint.fault("angle_wraparound beside limits of the position", "one of both"));
     }
     if has_soft {
         // Gains of the controller that keeps them.
         let (_, _) = (value("k_position"), value("k_velocity"));
     }
-    let acceleration = number(has("has_acceleration_limits"), "max_acceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
-    let deceleration = number(has("has_deceleration_limits"), "max_deceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
+    let acceleration =
+        number(has("has_acceleration_limits")?, "max_acceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
+    let deceleration =
+        number(has("has_deceleration_limits")?, "max_deceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
+    let (lower, upper) = (narrowed(lower, soft[0], f64::max), narrowed(upper, soft[1], f64::min));
+    if let (Some(lower), Some(upper)) = (lower, upper)
+        && lower >= upper
+    {
+        return Err(joint.fault(format!("positions from {lower} to {upper}"), "the lowest below the highest"));
+    }
     Ok(JointLimitFields {
-        lower: narrowed(lower, soft[0], f64::max),
-        upper: narrowed(upper, soft[1], f64::min),
-        velocity: number(has("has_velocity_limits"), "max_velocity", quantity::JOINT_VELOCITY_RADPS)?,
+        lower,
+        upper,
+        velocity: number(has("has_velocity_limits")?, "max_velocity", quantity::JOINT_VELOCITY_RADPS)?,
         acceleration: narrowed(acceleration, deceleration, f64::min),
-        jerk: number(has("has_jerk_limits"), "max_jerk", quantity::JOINT_JERK_RADPS3)?,
-        effort: number(has("has_effort_limits"), "max_effort", quantity::TORQUE_NM)?,
+        jerk: number(has("has_jerk_limits")?, "max_jerk", quantity::JOINT_JERK_RADPS3)?,
+        effort: number(has("has_effort_limits")?, "max_effort", quantity::TORQUE_NM)?,
     })
 }
 
@@ -136,6 +161,17 @@ mod tests {
                 "joint_limits:\n  a:\n    max_speed: 1",
                 "line 3: joint_limits.a.max_speed: found `max_speed`, which is not read",
             ),
+            (
+                "joint_limits:\n  a: {has_velocity_limits: treu, max_velocity: 1}",
+                "line 2: joint_limits.a.has_velocity_limits: found `treu`, expected true or false",
+            ),
+            (
+                "joint_limits: {a: {min_position: 1, max_position: -1}}",
+                "line 1: joint_limits.a: found positions from 1 to -1, expected the lowest below the highest",
+            ),
+            ("joint_limits: {a: 1.0}", "line 1: joint_limits.a: found `1.0`, expected a table"),
+            ("joint_limits: 5", "line 1: joint_limits: found `5`, expected a table"),
+            ("joint_limits: [5]", "line 1: joint_limits: found a list, expected a table"),
             ("{a: 1}", "line 1: a: found `a`, which is not read"),
         ] {
             let fault = read("joint_limits.yaml", text).unwrap_err().to_string();
@@ -151,5 +187,13 @@ mod tests {
         assert_eq!(limits["a"], JointLimitFields { velocity: Some(2.0), ..Default::default() });
         assert_eq!(limits["b"], JointLimitFields { upper: Some(1.0), ..Default::default() });
         assert_eq!(limits["c"], JointLimitFields { acceleration: Some(3.0), ..Default::default() });
+    }
+
+    #[test]
+    fn of_two_blocks_the_narrower_counts_and_truth_has_many_words() {
+        let text = "joint_limits:\n  a: {has_velocity_limits: 1, max_velocity: 2, min_position: -1}\nplanning:\n  \
+            joint_limits:\n    a: {has_velocity_limits: Y, max_velocity: 3, has_jerk_limits: OFF, max_jerk: 9, min_position: -2}\n";
+        let expected = JointLimitFields { lower: Some(-1.0), velocity: Some(2.0), ..Default::default() };
+        assert_eq!(read("joint_limits.yaml", text).unwrap()["a"], expected);
     }
 }

@@ -47,7 +47,7 @@ impl PlyFile {
         let mut ply = Self::default();
         for element in &elements {
             for row in 0..element.rows {
-                ply.row(element, &mut numbers).ok_or_else(|| numbers.missing(&element.name, row, element.rows))?;
+                ply.row(element, &mut numbers, row)?;
                 if ply.triangles.len() > MOST_TRIANGLES {
                     return Err(fault("faces", "more triangles", &format!("at most {MOST_TRIANGLES}")));
                 }
@@ -56,18 +56,17 @@ impl PlyFile {
                 return Err(fault("element vertex", "no x, y or z", "properties x, y and z"));
             }
         }
-        if ply.triangles.is_empty() {
-            numbers.finish()?;
-        }
+        numbers.finish()?;
         Ok(ply)
     }
 
-    /// Reads one row of an element; `None` if there is none.
-    fn row(&mut self, element: &Element, numbers: &mut Numbers) -> Option<()> {
+    /// Reads one row of an element.
+    fn row(&mut self, element: &Element, numbers: &mut Numbers, row: usize) -> Result<(), InputError> {
+        let missing = |numbers: &Numbers| numbers.missing(&element.name, row, element.rows);
         let (mut place, mut normal) = ([None; 3], [None; 3]);
         for property in &element.properties {
             let Some(length) = property.length else {
-                let value = numbers.next(property.of)?;
+                let value = numbers.next(property.of).ok_or_else(|| missing(numbers))?;
                 match property.name.as_str() {
                     "x" | "y" | "z" => place[usize::from(property.name.as_bytes()[0] - b'x')] = Some(value),
                     "nx" | "ny" | "nz" => normal[usize::from(property.name.as_bytes()[1] - b'x')] = Some(value),
@@ -75,14 +74,19 @@ impl PlyFile {
                 }
                 continue;
             };
-            let count = numbers.next(length).filter(|it| (0.0..=MOST_ROWS as f64).contains(it))? as usize;
+            let count = numbers.next(length).filter(|it| (0.0..=MOST_ROWS as f64).contains(it) && it.fract() == 0.0);
+            let count = count.ok_or_else(|| missing(numbers))? as usize;
             let is_surface = matches!(property.name.as_str(), "vertex_indices" | "vertex_index");
             let mut corners = Vec::new();
             for _ in 0..count {
-                let value = numbers.next(property.of)?;
+                let value = numbers.next(property.of).ok_or_else(|| missing(numbers))?;
                 if is_surface {
-                    // A value that is no index is beyond all vertices; a strip ends with −1.
-                    corners.push(if (0.0..f64::from(u32::MAX)).contains(&value) { value as u32 } else { u32::MAX });
+                    let ends_strip = value == -1.0 && element.name == "tristrips";
+                    if !ends_strip && (value < 0.0 || value.fract() != 0.0) {
+                        let field = format!("{} {}", element.name, row + 1);
+                        return Err(InputError::new(numbers.file, field, value, "numbers of vertices, from 0"));
+                    }
+                    corners.push(if ends_strip { u32::MAX } else { value as u32 });
                 }
             }
             match element.name.as_str() {
@@ -99,7 +103,7 @@ impl PlyFile {
                 self.normals.get_or_insert_default().push([x, y, z]);
             }
         }
-        Some(())
+        Ok(())
     }
 }
 
@@ -128,9 +132,10 @@ fn header(file: &str, lines: &[String]) -> Result<(Encoding, Vec<Element>), Inpu
     let (mut encoding, mut elements) = (None, Vec::<Element>::new());
     for line in lines {
         match line.split_whitespace().collect::<Vec<_>>()[..] {
-            ["format", "ascii", _] => encoding = Some(Encoding::Text),
-            ["format", "binary_little_endian", _] => encoding = Some(Encoding::LittleEndian),
-            ["format", "binary_big_endian", _] => encoding = Some(Encoding::BigEndian),
+            ["format", "ascii", "1.0"] => encoding = Some(Encoding::Text),
+            ["format", "binary_little_endian", "1.0"] => encoding = Some(Encoding::LittleEndian),
+            ["format", "binary_big_endian", "1.0"] => encoding = Some(Encoding::BigEndian),
+            ["format", ..] => return Err(fault("format", line, "ascii or binary, version 1.0")),
             ["element", name, count] => {
                 let rows = count.parse().ok().filter(|it| *it <= MOST_ROWS);
                 let rows = rows.ok_or_else(|| fault("element", line, &format!("at most {MOST_ROWS} rows")))?;
@@ -145,7 +150,7 @@ fn header(file: &str, lines: &[String]) -> Result<(Encoding, Vec<Element>), Inpu
                 let element = elements.last_mut().ok_or_else(|| fault("property", line, "an element before"))?;
                 element.properties.push(Property { name: name.to_owned(), length, of });
             }
-            ["ply" | "end_header"] | ["comment" | "obj_info" | "format", ..] | [] => {}
+            ["ply" | "end_header"] | ["comment" | "obj_info", ..] | [] => {}
             _ => return Err(fault("header", line, "format, comment, element or property")),
         }
     }
@@ -202,6 +207,10 @@ mod tests {
         let text = HEADER.to_owned() + "0 0 0 9\n1 0 0 9\n1 1 0 9\n0 1 0.5 9\n4 0 1 2 3\n";
         for (text, expected) in [
             (text.replace("4 0 1 2 3\n", "4 0 1\n"), "rows of face: found 0"),
+            (text.clone() + "3 0 1 2\n", "line 17: found `3`, expected no more than the rows of the header"),
+            (text.replace("4 0 1 2 3", "4 0 1 2.5 3"), "face 1: found 2.5, expected numbers of vertices"),
+            (text.replace("4 0 1 2 3", "4 0 1 -1 3"), "face 1: found -1, expected"),
+            (text.replace("ascii 1.0", "ascii 2.0"), "format: found format ascii 2.0"),
             (text.replace("vertex 4", "vertex 99999999999"), "element: found"),
             (text.replace("property float y", "property float q"), "no x, y or z"),
             (text.replace("uchar red", "colour red"), "property: found colour"),

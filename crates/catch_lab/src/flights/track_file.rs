@@ -44,8 +44,9 @@ pub fn in_folder(folder: &Path, least: usize) -> Result<Vec<PathBuf>, InputError
     Ok(paths)
 }
 
-/// Reads a track, oldest sighting first, and the last time in the file. A header may stand above it; rows in
-/// which a number is missing or not a number are gaps. A row that stands there twice is read once.
+/// Reads a track, oldest sighting first, and the last time in the file. A header may stand above it. Rows in
+/// which a number is missing, not a number or beyond all bounds are gaps, as are poses of zeros. A row that
+/// stands there twice is read once.
 ///
 /// # Errors
 /// A file that cannot be read, rows with another number of columns or with words, times that do not rise, or
@@ -97,7 +98,8 @@ pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError>
             return Err(InputError::new(file, field, format!("t = {time_s}"), expected));
         }
         (end_s, before) = (time_s, (number + 1, line));
-        if !values.iter().all(|value| value.is_finite()) {
+        let is_lost = values.len() == 8 && values[1..].iter().all(|it| *it == 0.0);
+        if is_lost || !values.iter().all(|value| value.abs() <= FARTHEST) {
             continue;
         }
         let rotation = match &values[4..] {
@@ -118,6 +120,9 @@ pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError>
     }
     Ok((sightings, end_s))
 }
+
+/// What is farther, in whatever unit, is no sighting; its square may be no number.
+const FARTHEST: f64 = 1e100;
 
 /// Description of a valid track, for error messages.
 const EXPECTED: &str =
@@ -186,7 +191,9 @@ mod tests {
         assert_eq!(track.iter().map(|it| it.time_s).collect::<Vec<_>>(), [0.0, 0.3]);
         assert_eq!(track[1].p, Point3::new(4.0, 5.0, 6.0));
         assert_eq!(parse("t.csv", &format!("{text}0.5,4,5,6\n0.5,4,5,6\n")).unwrap().0.len(), 3, "a row told twice");
-        let (posed, _) = parse("t.csv", "0.0,1,2,3,0,0,0,1\n").unwrap();
+        let lost = "0.0,1,2,3,0,0,0,1\n0.1,0,0,0,0,0,0,0\n0.2,1e155,2,3,0,0,0,1\n";
+        let (posed, end_s) = parse("t.csv", lost).unwrap();
+        assert_eq!((posed.len(), end_s), (1, 0.2));
         assert_eq!(posed[0].rotation, Some(UnitQuaternion::identity()));
     }
 
@@ -220,6 +227,7 @@ mod tests {
             ("1,1,2,3\n0.5,1,2,3\n", "line 2"),
             ("0,1,2,3\n\n0,1,2,4\n", "line 3: found t = 0, expected a time after 0, that of line 1"),
             ("0,1,2,3,9,0,0,1\n", "line 1"),
+            ("0,1,2,3,0,0,0,0\n", "line 1: found a quaternion of length 0.000"),
             ("t,x,y,z\n", "rows"),
         ] {
             let fault = parse("t.csv", text).unwrap_err().to_string();
