@@ -11,7 +11,7 @@ use super::{
     point_cloud::SceneCloud,
     registration::{Fit, MIN_POINTS, Registration},
     segmentation::Label,
-    silhouette::SILHOUETTE_ABOVE_M,
+    silhouette::{SILHOUETTE_ABOVE_M, stride},
     view::{Prior, View},
 };
 
@@ -138,6 +138,8 @@ const MOST_PLACES: usize = 3;
 /// Least fraction that images show of an object which is found anew: the rest is beside what was found, or
 /// hidden by what stands before it.
 const LEAST_SHOWN: f64 = 0.5;
+/// Points of the object of which this is asked, about.
+const SHOWN_POINTS: usize = 256;
 
 /// A pose explains images much better than another if its mismatch is less than this fraction.
 const MUCH_BETTER: f64 = 0.6;
@@ -231,15 +233,16 @@ impl ObjectFinder {
         best.ok_or(status)
     }
 
-    /// Fraction of the reference's points, seen in `X_WO`, at whose pixels the last scene shows the object.
-    /// Images in which none of it was found do not count.
+    /// Fraction of the reference's points at whose pixels the last scene shows the object, if it is at
+    /// `X_WO`. Images in which none of it was found do not count.
     fn shown_fraction(&self, view: &View<'_>, X_WO: &Pose) -> f64 {
+        let points = self.reference.points.iter().step_by(stride(self.reference.points.len(), SHOWN_POINTS));
         let (mut shown, mut all) = (0_usize, 0_usize);
         for (index, frame) in view.seen() {
             let Some(label) = self.workspace.scene.label_in(index, frame) else { continue };
             let Some(camera) = view.cameras.get(frame.camera) else { continue };
             let X_CO = camera.X_WC.inverse() * view.in_image(frame, X_WO);
-            let pixels = self.reference.points.iter().filter_map(|p_O| camera.project(&(X_CO * p_O)));
+            let pixels = points.clone().filter_map(|p_O| camera.project(&(X_CO * p_O)));
             for uv in pixels.filter(|uv| frame.window.contains(uv)) {
                 all += 1;
                 let [column, row] = [uv.x as u32 - frame.window.left, uv.y as u32 - frame.window.top];

@@ -295,9 +295,9 @@ impl<'a> Registration<'a> {
         Summed { on_points, on_rays, tilted, equations }
     }
 
-    /// Adds the plane through the depths of each image whose single depths do not show the object's shape, and
-    /// returns the mean square by which they are tilted otherwise, in standard deviations. The silhouettes of
-    /// several images tell more.
+    /// Adds the plane through the depths of each image whose single depths do not show the object's shape.
+    /// Returns the mean square by which they are tilted otherwise, in standard deviations. The silhouettes
+    /// of several images tell more.
     fn add_planes(&self, equations: &mut NormalEquations, depths: &Depths<'_>, X_WO: &Pose) -> f64 {
         let Some(common_fraction) = self.config.depth_common_fraction else { return 0.0 };
         if depths.residuals.len() == depths.points.len() || depths.images().count() >= ENOUGH_SILHOUETTES {
