@@ -132,8 +132,9 @@ pub struct ObjectPose {
     /// Mean square of the points' residuals in standard deviations: the mismatch between object and points.
     /// `None` where no depth shows its shape.
     pub points_mismatch: Option<f64>,
-    /// Mean square of the silhouette rays' residuals in standard deviations, where these were needed. Known
-    /// objects are distinguished by one of the two mismatches, not by one against the other.
+    /// Mean square of the silhouette rays' residuals in standard deviations, where these were needed, or how
+    /// far depths too noisy to show a shape are tilted otherwise, if that is more. Known objects are
+    /// distinguished by one of the two mismatches, not by one against the other.
     pub silhouette_mismatch: Option<f64>,
     /// Iterations that it took.
     pub iterations: usize,

@@ -34,7 +34,8 @@ pub struct Fit {
     pub silhouette_residual_m: Option<f64>,
     /// Mean square of the points' residuals in standard deviations; `None` where no depth tells the shape.
     pub points_mismatch: Option<f64>,
-    /// Mean square of the silhouette rays' residuals in standard deviations, where the silhouette was used.
+    /// Mean square of the silhouette rays' residuals in standard deviations, where the silhouette was used,
+    /// or as much as depths too noisy to show a shape are tilted otherwise, if that is more.
     pub silhouette_mismatch: Option<f64>,
     /// Robust cost of all residuals, outliers included, by which different starts are compared.
     pub robust_cost: f64,
@@ -47,8 +48,9 @@ const HOPELESS_RADII: f64 = 0.5;
 /// A point's variance of its own is this fraction of all of it or more, whatever the points of an image have
 /// in common.
 const LEAST_OWN: f64 = 1e-3;
-/// A tilt of depths whose mean square is this many times a silhouette's is as unlikely as that.
-const MOST_TILTED: f64 = 3.0;
+/// The mean square of a tilt is of two slopes and scatters more than that of a silhouette, of hundreds of
+/// rays: it counts divided by this.
+const TILT_SCATTER: f64 = 3.0;
 /// Silhouettes in so many images tell how far away an object is.
 const ENOUGH_SILHOUETTES: usize = 3;
 /// Steps that turn back and do not get shorter jump to and fro across a kink of the field, later ones that do
@@ -159,7 +161,7 @@ impl Summed {
                 .then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
             points_mismatch: has_shape.then(|| on_points.squares / weight),
             silhouette_mismatch: (!silhouette.is_empty())
-                .then(|| silhouette.mean_square().max(self.tilted / MOST_TILTED)),
+                .then(|| silhouette.mean_square().max(self.tilted / TILT_SCATTER)),
             robust_cost: robust_cost(on_points, depths.residuals.len(), LEAST_MEAN_M)
                 + robust_cost(on_rays, silhouette.len(), LEAST_MEAN_PX * silhouette.pixel_m())
                 + 2.0 * self.tilted,
