@@ -175,9 +175,10 @@ impl SilhouetteRay {
         self.settle(least_m, &gradient, &p_OC, &direction_O);
     }
 
-    /// Looks where the nearest place was last.
+    /// Looks where the ray passes what was nearest to it last: that place moves along the ray with the object.
     fn follow(&mut self, reference: &ReferenceModel, view: &Viewpoint) {
         let direction_O = view.R_OW * self.direction_W;
+        self.along_m = direction_O.dot(&(self.p_O - view.p_OC));
         let (distance_m, gradient) = reference.distance.at(&(view.p_OC + direction_O * self.along_m));
         self.settle(distance_m, &gradient, &view.p_OC, &direction_O);
     }
