@@ -4,8 +4,8 @@ use catch_body::{Gripper, Robot, robot_file::RobotFiles};
 use catch_bot::trajectory_optimization::{Config, MotionPlanner, Start};
 use catch_cell::arm::Setpoint;
 
-/// An arm with a gripper, with settings changed.
-pub fn planner(change: impl Fn(&mut Config)) -> MotionPlanner {
+/// An arm with a gripper.
+pub fn planner() -> MotionPlanner {
     let files = RobotFiles {
         urdf_file: "robot.urdf",
         urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
@@ -13,9 +13,8 @@ pub fn planner(change: impl Fn(&mut Config)) -> MotionPlanner {
         toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
     };
     let gripper = include_str!("../../../../assets/grippers/wsg50.toml");
-    let mut config = Config::default();
-    change(&mut config);
-    MotionPlanner::new(Robot::from_files(&files).unwrap(), Gripper::from_toml("gripper.toml", gripper).unwrap(), config)
+    let (robot, gripper) = (Robot::from_files(&files).unwrap(), Gripper::from_toml("gripper.toml", gripper).unwrap());
+    MotionPlanner::new(robot, gripper, Config::default())
 }
 
 /// The arm standing still at joint angles.

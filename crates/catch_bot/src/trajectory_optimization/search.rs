@@ -196,7 +196,7 @@ impl CatchSearch {
             elbow,
             speed_fraction: terminal_velocity.speed_fraction,
             spin_radps,
-            weights: point_to_point.weights,
+            spin_weight: point_to_point.spin_weight,
             cost,
             holding_cost: self.holding_cost_moving(
                 incoming,
