@@ -45,6 +45,27 @@ pub struct SrsArm {
     /// Orientation of the gripper and position of the wrist in its frame.
     R_WG: Rotation3<f64>,
     p_GW: Point3<f64>,
+    lower: JointVector,
+    upper: JointVector,
+}
+
+/// Up to eight joint positions that reach one pose.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Solutions {
+    found: [JointVector; 8],
+    count: usize,
+}
+
+impl Solutions {
+    /// The solutions within the joint limits.
+    pub fn iter(&self) -> impl Iterator<Item = &JointVector> {
+        self.found[..self.count].iter()
+    }
+
+    fn push(&mut self, q: JointVector) {
+        self.found[self.count] = q;
+        self.count += 1;
+    }
 }
 
 /// Possible positions of the elbow for one pose of the gripper: a circle about the line from shoulder to
@@ -106,6 +127,8 @@ impl SrsArm {
             axes,
             R_WG: X_WG.rotation.to_rotation_matrix(),
             p_GW: X_WG.inverse() * wrist,
+            lower: robot.per_joint(|joint| joint.limits.lower),
+            upper: robot.per_joint(|joint| joint.limits.upper),
         })
     }
 
@@ -146,6 +169,18 @@ impl SrsArm {
         })
     }
 
+    /// All joint positions within limits that put the gripper in the circle's pose with the elbow at `swivel`
+    /// radians.
+    pub fn solve(&self, circle: &ElbowCircle, swivel: f64) -> Solutions {
+        let mut solutions = Solutions::default();
+        for q in self.branches(circle, swivel) {
+            if (0..7).all(|i| q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
+                solutions.push(q);
+            }
+        }
+        solutions
+    }
+
     /// The joint positions of one branch, whether within limits or not.
     pub fn solve_branch(&self, circle: &ElbowCircle, swivel: f64, branch: Branch) -> JointVector {
         let aside = circle.across[0] * libm::cos(swivel) + circle.across[1] * libm::sin(swivel);
@@ -162,6 +197,20 @@ impl SrsArm {
         let [q1, q2, q3] = self.euler_angles(&R_03, 0, branch.shoulder);
         let [q5, q6, q7] = self.euler_angles(&R_47, 4, branch.wrist);
         JointVector::from_column_slice(&[q1, q2, q3, q4, q5, q6, q7, 0.0])
+    }
+
+    /// All eight branches.
+    fn branches(&self, circle: &ElbowCircle, swivel: f64) -> [JointVector; 8] {
+        Branch::ALL.map(|branch| self.solve_branch(circle, swivel, branch))
+    }
+
+    /// The swivel at which the elbow stands for `q`, in the circle of the gripper's pose there.
+    pub fn swivel(&self, robot: &Robot, q: &JointVector) -> f64 {
+        let X_WL = robot.link_poses(q);
+        let Some(circle) = self.elbow_circle(&robot.gripper_in(&X_WL)) else { return 0.0 };
+        let upper = X_WL[3].rotation
+            * (robot.link_poses(&JointVector::zeros())[3].rotation.inverse() * self.along.into_inner());
+        libm::atan2(upper.dot(&circle.across[1]), upper.dot(&circle.across[0]))
     }
 
     /// Angles of joints `first`, `first + 1`, `first + 2`, whose product of rotations is `R`; the middle one
@@ -256,6 +305,28 @@ mod tests {
             prop_assert!(!within([0.0, bend - 1e-6]));
         }
 
+        /// No joint rotates by more than its bound while the elbow moves.
+        #[test]
+        fn joints_turn_no_more_than_claimed(
+            unit in prop::array::uniform7(-0.99f64..0.99), swivel in -3.1f64..3.1, by in 0.001f64..0.3, fraction in -1.0f64..1.0,
+        ) {
+            let robot = iiwa();
+            let arm = SrsArm::of(&robot).unwrap();
+            let q = robot.per_joint(|joint| joint.limits.upper).component_mul(&robot.joint_vector(&unit).unwrap());
+            prop_assume!(q[3].abs() > 0.01);
+            let circle = arm.elbow_circle(&robot.gripper_pose(&q)).unwrap();
+            for branch in Branch::ALL {
+                let most = arm.turned_by(&circle, swivel, branch, by);
+                let before = arm.solve_branch(&circle, swivel, branch);
+                let after = arm.solve_branch(&circle, swivel + fraction * by, branch);
+                for i in 0..7 {
+                    let turn = (after[i] - before[i]).abs();
+                    let turn = turn.min(std::f64::consts::TAU - turn);
+                    prop_assert!(turn <= most[i] + 1e-9, "joint {i} turns by {turn}, not {}", most[i]);
+                }
+            }
+        }
+
         /// FK ∘ IK is the identity for every solution, and the pose's own joint angles are among them.
         #[test]
         fn solutions_reach_the_pose(unit in prop::array::uniform7(-0.99f64..0.99), swivel in -3.1f64..3.1) {
@@ -265,16 +336,14 @@ mod tests {
             prop_assume!(q[1].abs() > 0.01 && q[3].abs() > 0.01 && q[5].abs() > 0.01);
             let X_WG = robot.gripper_pose(&q);
             let circle = arm.elbow_circle(&X_WG).unwrap();
-            let solutions = |swivel| Branch::ALL.map(|branch| arm.solve_branch(&circle, swivel, branch));
-            // The swivel at which the elbow stands for `q`.
-            let R = |q: &JointVector| robot.link_poses(q)[3].rotation;
-            let upper = R(&q) * (R(&JointVector::zeros()).inverse() * arm.along.into_inner());
-            let own = solutions(libm::atan2(upper.dot(&circle.across[1]), upper.dot(&circle.across[0])));
-            for solution in solutions(swivel).iter().chain(&own) {
-                let reached = robot.gripper_pose(solution);
-                prop_assert!((reached.translation.vector - X_WG.translation.vector).norm() < 1e-9);
-                prop_assert!(reached.rotation.angle_to(&X_WG.rotation) < 1e-7);
+            for swivel in [swivel, arm.swivel(&robot, &q)] {
+                for solution in arm.solve(&circle, swivel).iter() {
+                    let reached = robot.gripper_pose(solution);
+                    prop_assert!((reached.translation.vector - X_WG.translation.vector).norm() < 1e-9);
+                    prop_assert!(reached.rotation.angle_to(&X_WG.rotation) < 1e-7);
+                }
             }
+            let own = arm.solve(&circle, arm.swivel(&robot, &q));
             prop_assert!(own.iter().any(|solution| (solution - q).amax() < 1e-6), "{q} not among {own:?}");
         }
     }

@@ -123,7 +123,7 @@ fn with_forces() -> trajectory_prediction::Config {
 
 /// A catch of the paper's near throw, or its replan after the flight has changed by 5 mm.
 fn plan(again: bool) {
-    let search = CatchSearch::new(arm::planner(), None);
+    let search = CatchSearch::new(arm::planner(|_| {}), None);
     let reference = ReferenceModel::from_scan(&synthetic::scan(&Shape::banana(), 64));
     let config = grasp_selection::Config::default();
     let grasps = GraspSet::sample(&reference, &search.motion.gripper, &config);

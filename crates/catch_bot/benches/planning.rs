@@ -22,7 +22,7 @@ use synthetic::Shape;
 /// The paper's near throw from the waiting pose: time, grasp and redundancy are sought, then the flight
 /// changes by 5 mm.
 fn everything(criterion: &mut Criterion) {
-    let search = CatchSearch::new(planner(), None);
+    let search = CatchSearch::new(planner(|_| {}), None);
     let start = at_rest(&search.motion, &inputs::READY, 0.07);
     let config = grasp_selection::Config::default();
     for (name, shape) in Shape::all() {

@@ -30,6 +30,7 @@ mod new;
 mod object;
 mod opening;
 mod place_cameras;
+mod plan;
 mod play;
 mod predict;
 mod ready;
@@ -89,6 +90,8 @@ enum Command {
     Play(Box<play::PlayArguments>),
     /// Lists what is built in: scenarios, objects, throws, robots, grippers, workcells and camera rigs
     List(list::ListArguments),
+    /// Plans motions for the catches that a file describes, with residuals and times
+    Plan(plan::PlanArguments),
     /// Fits a flight to a recorded track, and predicts where it goes on
     Predict(predict::PredictArguments),
     /// Learns a prior on an object's flights from recorded throws, for `predict`
@@ -303,6 +306,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Eval(eval)) => eval::run(&eval),
         Some(Command::Play(play)) => play::run(&play),
         Some(Command::List(list)) => list::run(&list, command()),
+        Some(Command::Plan(plan)) => plan::run(&plan),
         Some(Command::Predict(predict)) => predict::run(&predict),
         Some(Command::Learn(learn)) => learn::run(&learn),
         Some(Command::Register(register)) => register::run(&register),

@@ -20,7 +20,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use catch_body::{JointVector, Pose, Robot, robot::Joint};
-use catch_lab::scenario::setup::{Choice, Setup};
+use catch_lab::planner_cases;
 use catch_sim::random_streams::Draws;
 use serde_json::Value;
 
@@ -107,7 +107,7 @@ fn measured<T>(mut work: impl FnMut() -> T) -> (T, f64) {
 
 /// The arm of the default scenario, without a gripper on it.
 fn arm() -> Result<Robot> {
-    Ok(Setup::load(&Choice::default())?.robot)
+    Ok(planner_cases::arm(None, ("experiment", "robot"))?.0)
 }
 
 /// Joint positions within the limits.

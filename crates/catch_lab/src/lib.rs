@@ -51,6 +51,7 @@
 //! | [`play`] | many throws in one life |
 //! | [`scenario::setup::calibration`] | where cameras stand, from what they see of the arm |
 //! | [`camera_placement`] | where cameras tell most about throws |
+//! | [`planner_cases`] | catches to plan, from a file |
 
 /// The blocks of Rust in the pages for people, as doctests.
 #[cfg(doctest)]
@@ -68,6 +69,7 @@ pub mod camera_placement;
 pub mod evaluation;
 pub mod flights;
 pub mod parallel;
+pub mod planner_cases;
 pub mod play;
 pub mod png;
 pub mod reachability;

@@ -27,13 +27,17 @@
 //! ```
 //!
 //! [`sqp`] is the general nonlinear form of the trajectory optimization over all joints at once, for any arm.
+//! Catches whose time and pose are given, as the paper's are, [`posed`] plans with our own motions, or proves
+//! them out of reach.
 
 pub mod grasp;
 pub mod motion;
 pub mod planner;
+pub mod posed;
 pub mod prediction;
 pub mod registration;
 pub mod sqp;
+pub mod unreachable;
 
 use serde::{Deserialize, Serialize};
 

@@ -315,7 +315,7 @@ fn catch_plan(planner: &MotionPlanner, goal: &Goal<'_>, found: &BSpline, traject
         elbow: None,
         speed_fraction: V_WG.linear.dot(&v_WO) / v_WO.norm_squared(),
         spin_radps: V_WG.angular.norm(),
-        spin_weight: terminal_velocity::BALANCED,
+        weights: terminal_velocity::Weights::BALANCED,
         cost: 0.0,
         holding_cost: 0.0,
         trajectory,

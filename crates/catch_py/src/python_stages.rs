@@ -8,7 +8,7 @@ use catch_bot::{
     control::{self, CatchPlanner, Decision, GripperPlan, Progress},
     grasp_selection::{Approach, Grasp},
     perception::ObjectPose as FoundPose,
-    trajectory_optimization::{CatchPlan, Start, terminal_velocity::BALANCED},
+    trajectory_optimization::{CatchPlan, Start, terminal_velocity::Weights},
     trajectory_prediction::{FlightPredictor, FlightTrajectory, PredictionStatus},
 };
 use catch_lab::{evaluation::BrainFactory, scenario::setup::Setup};
@@ -261,7 +261,7 @@ impl Situation {
             elbow: None,
             speed_fraction: V_WG.linear.dot(&v_WO) / v_WO.norm_squared().max(f64::MIN_POSITIVE),
             spin_radps: V_WG.angular.norm(),
-            spin_weight: BALANCED,
+            weights: Weights::BALANCED,
             cost: 0.0,
             holding_cost: 0.0,
             trajectory: spline.clone(),

@@ -199,7 +199,7 @@ pub struct Branch {
 }
 
 impl Branch {
-    /// All branches.
+    /// All branches, in the order of [`SrsArm::solve`].
     pub const ALL: [Self; 8] = {
         let mut all = [Self { elbow: false, shoulder: false, wrist: false }; 8];
         let mut i = 0;
@@ -256,6 +256,30 @@ impl SrsArm {
             middle: [low, high],
             cosines: [libm::cos(low), libm::cos(high)],
         }
+    }
+
+    /// Upper bound of each joint's rotation in radians while the elbow moves by up to `by` radians from
+    /// `swivel`.
+    ///
+    /// A form changes by r·by at most; so does the direction (x, y) whose angle a joint is.
+    pub fn turned_by(&self, circle: &ElbowCircle, swivel: f64, branch: Branch, by: f64) -> [f64; 7] {
+        let elbow_sign = if branch.elbow { -1.0 } else { 1.0 };
+        let upper_arm = self.upper_arm_forms(circle, elbow_sign);
+        let (shoulder, wrist) = (self.shoulder_forms(&upper_arm), self.wrist_forms(&upper_arm, circle, elbow_sign));
+        let at = Harmonic::new(1.0, libm::cos(swivel), libm::sin(swivel));
+        let change = |h: &Harmonic| libm::hypot(h.y, h.z) * by;
+        let angle = |[x, y]: &[Harmonic; 2]| {
+            let fraction = libm::hypot(change(x), change(y)) / libm::hypot(x.dot(&at), y.dot(&at));
+            if fraction < 1.0 { libm::asin(fraction) } else { std::f64::consts::TAU }
+        };
+        let arc_cosine = |h: &Harmonic| {
+            let arc = |value: f64| libm::acos(value.clamp(-1.0, 1.0));
+            let (value, change) = (h.dot(&at), change(h));
+            (arc(value - change) - arc(value)).max(arc(value) - arc(value + change))
+        };
+        let turned = |forms: &EulerForms| [angle(&forms.first), arc_cosine(&forms.along), angle(&forms.last)];
+        let ([a, b, c], [e, f, g]) = (turned(&shoulder), turned(&wrist));
+        [a, b, c, 0.0, e, f, g]
     }
 
     /// Columns of R_03 in the basis (u, a₄, u × a₄), as vectors of harmonics: column k is Σ over 1, cos ψ,

@@ -10,7 +10,7 @@
 use nalgebra::{Point3, Rotation3, Unit, Vector3};
 
 use super::{
-    Ranges, TOLERANCE,
+    Ranges, Solutions, TOLERANCE,
     angles::{Sinusoid, angle, meeting_point, turned_into},
 };
 use crate::{
@@ -72,8 +72,8 @@ impl ParallelAxesArm {
 
     /// All joint positions within `ranges` that put the gripper at `X_WG`, of those that differ by whole
     /// turns the nearest to `from`.
-    pub fn solutions(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<JointVector> {
-        let mut solutions = Vec::with_capacity(8);
+    pub fn solutions(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Solutions {
+        let mut solutions = Solutions::default();
         let to_wrist = X_WG * self.p_GW - self.base;
         // Rotation of the gripper from its orientation at zero.
         let R_turn = X_WG.rotation.to_rotation_matrix() * self.R_WG.inverse();
@@ -172,7 +172,7 @@ mod tests {
             prop_assume!(libm::sin(q[2]).abs() > 0.02 && libm::sin(q[4]).abs() > 0.02);
             let X_WG = robot.gripper_pose(&q);
             let solutions = arm.solutions(&X_WG, &q, &limits(&robot));
-            for found in &solutions {
+            for found in solutions.iter() {
                 let reached = robot.gripper_pose(found);
                 prop_assert!((reached.translation.vector - X_WG.translation.vector).norm() < 1e-8);
                 prop_assert!(reached.rotation.angle_to(&X_WG.rotation) < 1e-8);

@@ -4,8 +4,8 @@ use catch_body::{Gripper, Robot, robot_file::RobotFiles};
 use catch_bot::trajectory_optimization::{Config, MotionPlanner, Start};
 use catch_cell::arm::Setpoint;
 
-/// An arm with a gripper.
-pub fn planner() -> MotionPlanner {
+/// An arm with a gripper, with settings changed.
+pub fn planner(change: impl Fn(&mut Config)) -> MotionPlanner {
     let files = RobotFiles {
         urdf_file: "robot.urdf",
         urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
@@ -13,8 +13,9 @@ pub fn planner() -> MotionPlanner {
         toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
     };
     let gripper = include_str!("../../../../assets/grippers/wsg50.toml");
-    let (robot, gripper) = (Robot::from_files(&files).unwrap(), Gripper::from_toml("gripper.toml", gripper).unwrap());
-    MotionPlanner::new(robot, gripper, Config::default())
+    let mut config = Config::default();
+    change(&mut config);
+    MotionPlanner::new(Robot::from_files(&files).unwrap(), Gripper::from_toml("gripper.toml", gripper).unwrap(), config)
 }
 
 /// The arm standing still at joint angles.

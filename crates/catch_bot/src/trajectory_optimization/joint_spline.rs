@@ -210,7 +210,7 @@ impl JointSpline {
             let offset = quantity.dot(&fixed);
             *bound = range(quantity.of).map(|it| it - offset);
         }
-        let x = if let End::Extreme { onset, .. } = end {
+        let x = if let End::Extreme { onset: Some(onset), .. } = end {
             // q̈ + q̇/d in ± v/d, times T².
             let fraction = duration_s / onset.duration_s;
             let both: Combination = std::array::from_fn(|i| self.last[1][i] + self.last[0][i] * fraction);
@@ -219,9 +219,9 @@ impl JointSpline {
             let mut rows = [Row::new(Variables::zeros()); 4 * MAX_POINTS];
             rows[..count].copy_from_slice(&self.rows[..count]);
             rows[count] = Row::new(reduced(&both, self));
-            self.hessian.minimize(&gradient, &rows[..=count], &bounds[..=count])?
+            self.hessian.minimize(&gradient, &rows[..=count], &bounds[..=count], 0)?
         } else {
-            self.hessian.minimize(&gradient, &self.rows[..count], &bounds[..count])?
+            self.hessian.minimize(&gradient, &self.rows[..count], &bounds[..count], 0)?
         };
         let mut points = fixed;
         for variable in 0..self.free() {

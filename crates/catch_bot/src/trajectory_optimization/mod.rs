@@ -47,6 +47,16 @@ use reach_map::ReachMap;
 #[quantity::checked(default, deny_unknown_fields)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Config {
+    /// Plans stay this far from the ends of the joints' ranges, in radians, so that an impact cannot push a
+    /// joint out. No setting of a file, like the two scalings after it.
+    #[serde(skip)]
+    pub position_margin_rad: f64,
+    /// Fraction of the velocity limits that plans may use.
+    #[serde(skip)]
+    pub velocity_scaling: f64,
+    /// Fraction of the torque limits that a plan may use.
+    #[serde(skip)]
+    pub torque_scaling: f64,
     /// Fraction of the velocity limits that a joint may have at the catch: the impact of a banana adds up to
     /// 5 %.
     pub terminal_velocity_scaling: quantity::limit_scaling,
@@ -62,17 +72,17 @@ pub struct Config {
 impl Default for Config {
     fn default() -> Self {
         Self {
+            position_margin_rad: 0.02,
+            velocity_scaling: 0.98,
             terminal_velocity_scaling: 0.9,
             object_mass_kg: None,
+            torque_scaling: 0.95,
             clearance_m: 0.02,
             weights: search::Weights::default(),
         }
     }
 }
 
-/// Plans stay this far from the ends of the joints' ranges, in radians, so that an impact cannot push a joint
-/// out.
-const POSITION_MARGIN_RAD: f64 = 0.02;
 /// Highest fraction of the object's velocity at which the gripper moves along (paper, III-D: 30 %).
 pub const MAX_SPEED_FRACTION: f64 = 0.3;
 /// Weight of keeping close to the comfortable pose, λ in [`joint_spline`]; the paper minimizes this distance
@@ -109,9 +119,8 @@ pub struct CatchPlan {
     pub speed_fraction: f64,
     /// Angular speed of the gripper at the catch, in rad/s.
     pub spin_radps: f64,
-    /// Weight of the gripper's angular velocity in the choice of the velocities at the catch; replans keep to
-    /// it.
-    pub spin_weight: f64,
+    /// Weights of the choice of the velocities at the catch; replans keep to them.
+    pub weights: terminal_velocity::Weights,
     /// Cost of the catch, by which the search chose it; less is better.
     pub cost: f64,
     /// Part of the cost that rates how well the object will be held: the heuristics and its speed past the
@@ -174,7 +183,7 @@ pub struct MotionPlanner {
     /// The base's distance from the farthest place of the gripper's origin, in metres.
     gripper_reach_m: f64,
     /// Largest extent of the arm with the gripper beyond each joint, in metres.
-    extents_m: JointVector,
+    pub extents_m: JointVector,
     clearance: ArmClearance,
     catch_splines: CatchSplines,
     brake_spline: JointSpline,
@@ -213,10 +222,7 @@ impl MotionPlanner {
         let flange_m = robot.X_LG.translation.vector.norm();
         let lengths_m = robot.per_joint(|joint| joint.X_PL.translation.vector.norm());
         let to_gripper_m = JointVector::from_fn(|i, _| lengths_m.iter().skip(i + 1).sum::<f64>() + flange_m);
-        // The gripper's farthest corner, however wide it opens.
-        let [left, right] = gripper.fingers(gripper.max_width_m);
-        let hand_m = [gripper.body(), left, right].iter().map(Cuboid::farthest_corner).fold(0.0, f64::max);
-        let mut extents_m = to_gripper_m.add_scalar(hand_m);
+        let mut extents_m = to_gripper_m.add_scalar(hand_m(&gripper));
         for (link, capsule) in &robot.capsules {
             let beyond_m = capsule.from.coords.norm().max(capsule.to.coords.norm()) + capsule.radius;
             // Link j follows joint j − 1.
@@ -238,6 +244,17 @@ impl MotionPlanner {
             brake_spline,
         }
     }
+
+    /// The base's distance from the farthest point to which the gripper can extend, in metres.
+    pub fn longest_reach_m(&self) -> f64 {
+        self.gripper_reach_m + hand_m(&self.gripper)
+    }
+}
+
+/// The distance of the gripper's farthest corner from its origin, however wide it opens.
+fn hand_m(gripper: &Gripper) -> f64 {
+    let [left, right] = gripper.fingers(gripper.max_width_m);
+    [gripper.body(), left, right].iter().map(Cuboid::farthest_corner).fold(0.0, f64::max)
 }
 
 /// Searches catches for one arm with one gripper, and adapts them to flights that are known better.

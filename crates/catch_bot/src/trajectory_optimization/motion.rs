@@ -4,7 +4,7 @@ use catch_body::{JointVector, robot::JointLimits, shape::Cuboid};
 use catch_cell::{BSpline, Setpoint, executor::CONTINUITY, spline::DEGREE};
 
 use super::{
-    MotionPlanner, POSITION_MARGIN_RAD, Start,
+    MotionPlanner, Start,
     failure_counter::FailureCounter,
     joint_spline::{End, JointState},
 };
@@ -15,10 +15,6 @@ pub const ROUNDING: f64 = 1e-7;
 /// Distance from the position limits that rounding needs, in radians.
 const HULL_ROUNDING: f64 = 1e-9;
 
-/// Fraction of the velocity limits that plans may use.
-const VELOCITY_SCALING: f64 = 0.98;
-/// Fraction of the torque limits that a plan may use.
-const TORQUE_SCALING: f64 = 0.95;
 /// Fraction of the velocity limits that a replan uses where that is enough, so that the next one keeps some
 /// room; the paper's method uses no more from rest.
 const REPLAN_VELOCITY_SCALING: f64 = 0.95;
@@ -65,7 +61,7 @@ impl MotionPlanner {
 
     /// Scaling of the limits for an arm in motion: all there is.
     pub(super) fn moving_scaling(&self) -> LimitScaling {
-        LimitScaling { velocity: VELOCITY_SCALING, acceleration: 1.0 - ROUNDING }
+        LimitScaling { velocity: self.config.velocity_scaling, acceleration: 1.0 - ROUNDING }
     }
 
     /// The motion to the catch over these control points, and braking after it, which still have to be
@@ -165,8 +161,8 @@ impl MotionPlanner {
     pub fn limits(&self, i: usize, state: &Setpoint, scaling: LimitScaling) -> JointLimits {
         let limits = &self.robot.joints[i].limits;
         JointLimits {
-            lower: (limits.lower + POSITION_MARGIN_RAD).min(state.q[i]),
-            upper: (limits.upper - POSITION_MARGIN_RAD).max(state.q[i]),
+            lower: (limits.lower + self.config.position_margin_rad).min(state.q[i]),
+            upper: (limits.upper - self.config.position_margin_rad).max(state.q[i]),
             velocity: limits.velocity * scaling.velocity,
             acceleration: limits.acceleration * scaling.acceleration,
             jerk: limits.jerk.map(|jerk| jerk * (1.0 - ROUNDING)),
@@ -242,7 +238,8 @@ impl MotionPlanner {
     /// Returns whether torque limits hold in one state: position, velocity and acceleration.
     fn keeps_torque_at(&self, [q, dq, ddq]: [JointVector; 3]) -> bool {
         let torque = self.robot.inverse_dynamics(&q, &dq, &ddq);
-        (0..self.robot.dof()).all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * TORQUE_SCALING)
+        (0..self.robot.dof())
+            .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_scaling)
     }
 
     /// Returns whether the hand's speed, and velocities whose limits depend on the position, keep their
@@ -253,7 +250,7 @@ impl MotionPlanner {
             || spline.spans().flat_map(|[from_s, to_s]| SPAN_SAMPLES.map(|by| from_s + by * (to_s - from_s))).all(
                 |time_s| {
                     let [q, dq, _] = spline.evaluate(time_s);
-                    let most = VELOCITY_SCALING;
+                    let most = self.config.velocity_scaling;
                     tables().all(|(i, joint)| dq[i].abs() <= most * joint.max_speed(q[i], dq[i]))
                         && self.hand_speed_left(&q, &dq) >= 1.0 - ROUNDING
                 },

@@ -10,24 +10,29 @@ use catch_body::{JointVector, MAX_JOINTS, Pose, robot::Jacobian};
 use nalgebra::{Rotation3, Vector3};
 
 use super::{
-    Incoming, MotionPlanner, POSITION_MARGIN_RAD, Start,
+    CatchSplines, Incoming, MotionPlanner, Start,
     failure_counter::FailureCounter,
     joint_spline::{End, JointPoints, JointState, Onset},
     motion::{BRAKING_ACCELERATION_FRACTION, LimitScaling},
     quadratic_program::ProgramFailure,
     reachability::{Interval, ReachableSet},
-    terminal_velocity::{BALANCED, TerminalVelocity, terminal_velocity},
+    terminal_velocity::{FOLLOWING, TerminalVelocity, Weights, terminal_velocity},
 };
 use crate::trajectory_prediction::LocalFlight;
 
 /// Distance from the extreme velocity of a spline at which another one surely has it, in rad/s.
 const INSIDE: f64 = 1e-7;
 
+/// Any velocity.
+const UNLIMITED: Interval = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
+
 /// Point-to-point problem: the required state at the catch, and the start.
 #[derive(Debug)]
 pub struct PointToPoint<'a> {
     /// The arm and its limits.
     pub planner: &'a MotionPlanner,
+    /// Programs of the joints' splines.
+    pub splines: &'a CatchSplines,
     /// Start of the motion.
     pub start: &'a Start,
     /// Time of the catch, in seconds on the cell's clock.
@@ -42,10 +47,13 @@ pub struct PointToPoint<'a> {
     pub jacobian: Jacobian,
     /// Fractions of the limits that the motion may use.
     pub scaling: LimitScaling,
-    /// Weight of the gripper's angular velocity in the choice of the end velocities.
-    pub spin_weight: f64,
-    /// Orientation of the gripper in W then.
-    pub R_WG: Rotation3<f64>,
+    /// Weights of the choice of the end velocities.
+    pub weights: Weights,
+    /// Weights with which the hand follows the object, and the gripper's orientation in W then; `None` if it
+    /// keeps to the object's direction.
+    pub following: Option<(Rotation3<f64>, Vector3<f64>)>,
+    /// True if a braking spline is to follow.
+    pub brakes: bool,
     /// Counts what fails numerically.
     pub failures: &'a FailureCounter,
 }
@@ -56,7 +64,7 @@ pub type Reached = (TerminalVelocity, Vec<JointVector>);
 impl PointToPoint<'_> {
     /// The best velocities within `bounds`, slowed down where the hand would be too fast.
     pub fn terminal_velocity(&self, bounds: &[Interval; MAX_JOINTS]) -> Option<TerminalVelocity> {
-        let found = terminal_velocity(&self.jacobian, &self.v_WO, bounds, self.spin_weight, &self.R_WG);
+        let found = terminal_velocity(&self.jacobian, &self.v_WO, bounds, &self.weights, self.following.as_ref());
         let found = self.failures.solution(found)?;
         let left = self.planner.hand_speed_left(&self.q, &found.dq);
         if left >= 1.0 {
@@ -67,17 +75,18 @@ impl PointToPoint<'_> {
         slowed.dq.iter().zip(bounds).all(is_within).then_some(slowed)
     }
 
-    /// The best velocities within `bounds` that splines can have, `None` if there are none.
-    pub fn best(&self, mut bounds: [Interval; MAX_JOINTS]) -> Option<Reached> {
+    /// The best velocities within `bounds` that splines can have, `None` if there are none or their speed
+    /// fraction is not above `least`.
+    pub fn best(&self, mut bounds: [Interval; MAX_JOINTS], least: f64) -> Option<Reached> {
         let dof = self.planner.robot.dof();
-        let mut points = vec![JointVector::zeros(); self.planner.catch_splines.at.control_points()];
+        let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
         let last_speeds = self.speeds_that_withstand_impact();
         for (bound, last) in bounds.iter_mut().zip(&last_speeds) {
             *bound = bound.intersection(last);
         }
         for _ in 0..=2 * dof {
-            let terminal_velocity = self.terminal_velocity(&bounds)?;
-            let onset_s = self.planner.braking_onset_s(&terminal_velocity.dq);
+            let terminal_velocity = self.terminal_velocity(&bounds).filter(|it| it.speed_fraction > least)?;
+            let onset_s = self.brakes.then(|| self.planner.braking_onset_s(&terminal_velocity.dq));
             let mut all = true;
             for (i, bound) in bounds.iter_mut().enumerate().take(dof) {
                 let joint = self.joint(i, terminal_velocity.dq[i], &last_speeds[i], onset_s);
@@ -108,7 +117,9 @@ impl PointToPoint<'_> {
         {
             let (angular, linear) = (self.jacobian.fixed_rows::<3>(0), self.jacobian.fixed_rows::<3>(3));
             for side in [-0.5, 0.5] {
-                let finger_W = self.R_WG * Vector3::new(side * self.planner.gripper.max_width_m, 0.0, 0.0);
+                let finger_W = self.following.map_or(Vector3::zeros(), |(R_WG, _)| {
+                    R_WG * Vector3::new(side * self.planner.gripper.max_width_m, 0.0, 0.0)
+                });
                 let at_finger = linear - finger_W.cross_matrix() * angular;
                 let of_impulse = inertia.solve(&at_finger.transpose());
                 let mobility = at_finger * of_impulse;
@@ -128,15 +139,25 @@ impl PointToPoint<'_> {
         })
     }
 
+    /// Splines for velocities that are known to be easy, `None` if they are not.
+    pub fn splines_for(&self, terminal_velocity: &TerminalVelocity) -> Option<Vec<JointVector>> {
+        let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
+        for i in 0..self.planner.robot.dof() {
+            let joint = self.joint(i, terminal_velocity.dq[i], &UNLIMITED, None);
+            set(&mut points, i, &self.failures.solution(joint)?);
+        }
+        Some(points)
+    }
+
     /// The bounds of joint `i` cut to what a spline can do, on the side on which it cannot have the end
     /// velocity `dq`.
-    fn cut(&self, i: usize, dq: f64, bound: &Interval, last: &Interval, onset_s: f64) -> Option<Interval> {
+    fn cut(&self, i: usize, dq: f64, bound: &Interval, last: &Interval, onset_s: Option<f64>) -> Option<Interval> {
         let (start, limits) = (self.state(i), self.limits(i));
         let extreme = |sign: f64| {
             let last_speed = speed_toward(last, sign);
             let onset = self.onset(i, last_speed, onset_s);
             let end = End::Extreme { q: self.q[i], sign, last_speed, onset };
-            let found = self.planner.catch_splines.range.end_velocity(&start, &end, self.duration_s(), &limits);
+            let found = self.splines.range.end_velocity(&start, &end, self.duration_s(), &limits);
             let found = self.failures.solution(found)?;
             // A hair inside, so that rounding cannot make the program for this end infeasible.
             Some(found - sign * INSIDE)
@@ -154,13 +175,14 @@ impl PointToPoint<'_> {
         None
     }
 
-    fn joint(&self, i: usize, dq: f64, last: &Interval, onset_s: f64) -> Result<JointPoints, ProgramFailure> {
+    fn joint(&self, i: usize, dq: f64, last: &Interval, onset_s: Option<f64>) -> Result<JointPoints, ProgramFailure> {
         let last_speed = speed_toward(last, dq);
-        let Onset { duration_s, velocity } = self.onset(i, last_speed, onset_s);
-        let ddq = [(-velocity - dq) / duration_s, (velocity - dq) / duration_s];
+        let ddq = self.onset(i, last_speed, onset_s).map_or([f64::NEG_INFINITY, f64::INFINITY], |it| {
+            [(-it.velocity - dq) / it.duration_s, (it.velocity - dq) / it.duration_s]
+        });
         let end = End::At { q: self.q[i], dq, ddq, last_speed };
         let comfortable = self.planner.robot.comfortable_q[i];
-        self.planner.catch_splines.at.solve(&self.state(i), &end, self.duration_s(), &self.limits(i), comfortable)
+        self.splines.at.solve(&self.state(i), &end, self.duration_s(), &self.limits(i), comfortable)
     }
 
     fn duration_s(&self) -> f64 {
@@ -184,9 +206,10 @@ impl PointToPoint<'_> {
         JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] }
     }
 
-    fn onset(&self, i: usize, last_speed: f64, duration_s: f64) -> Onset {
+    fn onset(&self, i: usize, last_speed: f64, onset_s: Option<f64>) -> Option<Onset> {
         let velocity = self.planner.robot.joints[i].limits.velocity * self.planner.moving_scaling().velocity;
-        Onset { duration_s, velocity: velocity.min(last_speed) }
+        let velocity = velocity.min(last_speed);
+        onset_s.map(|duration_s| Onset { duration_s, velocity })
     }
 }
 
@@ -224,13 +247,11 @@ impl MotionPlanner {
 
     /// Positions that the joints can have within their ranges, reaching what they can.
     pub fn ranges(&self, joints: &[ReachableSet; MAX_JOINTS], q: &JointVector) -> [[f64; 2]; MAX_JOINTS] {
+        let margin = self.config.position_margin_rad;
         std::array::from_fn(|i| {
             let Some(joint) = self.robot.joints.get(i) else { return [0.0; 2] };
             let far = joints[i].displacements();
-            [
-                (joint.limits.lower + POSITION_MARGIN_RAD).max(q[i] + far.low),
-                (joint.limits.upper - POSITION_MARGIN_RAD).min(q[i] + far.high),
-            ]
+            [(joint.limits.lower + margin).max(q[i] + far.low), (joint.limits.upper - margin).min(q[i] + far.high)]
         })
     }
 
@@ -246,6 +267,7 @@ impl MotionPlanner {
         let X_WL = self.robot.link_poses(q);
         PointToPoint {
             planner: self,
+            splines: &self.catch_splines,
             start,
             catch_s: local_flight.time_s,
             q: *q,
@@ -253,8 +275,9 @@ impl MotionPlanner {
             restitution: incoming.config.expected_restitution(),
             jacobian: self.robot.jacobian(&X_WL, &(X_WG * self.gripper.grasp_centre())),
             scaling,
-            spin_weight: BALANCED,
-            R_WG: X_WG.rotation.to_rotation_matrix(),
+            weights: Weights::BALANCED,
+            following: Some((X_WG.rotation.to_rotation_matrix(), FOLLOWING)),
+            brakes: true,
             failures: incoming.failures,
         }
     }
@@ -277,8 +300,9 @@ impl MotionPlanner {
             // v² = 2·a·s leaves room to brake before the end of the joint's range.
             let braking = BRAKING_ACCELERATION_FRACTION * joint.limits.acceleration;
             let room = |distance: f64| (2.0 * braking * distance.max(0.0)).sqrt();
-            let below = q[i] - joint.limits.lower - POSITION_MARGIN_RAD;
-            let above = joint.limits.upper - POSITION_MARGIN_RAD - q[i];
+            let margin = self.config.position_margin_rad;
+            let below = q[i] - joint.limits.lower - margin;
+            let above = joint.limits.upper - margin - q[i];
             if below < 0.0 || above < 0.0 {
                 return None;
             }

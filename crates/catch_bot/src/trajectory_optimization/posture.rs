@@ -21,6 +21,8 @@ pub struct Elbow {
     pub branch: Branch,
     /// Swivel angle.
     pub swivel: f64,
+    /// The arc of swivel angles in which it was found.
+    pub arc: [f64; 2],
 }
 
 /// Joint positions, and how the redundancy is used.
@@ -95,7 +97,7 @@ impl PostureFinder {
         let alone = |q| Posture { q, elbow: None };
         let srs = match self {
             Self::Srs(srs) => srs,
-            Self::ParallelAxes(arm) => return arm.solutions(X_WG, from, ranges).into_iter().map(alone).collect(),
+            Self::ParallelAxes(arm) => return arm.solutions(X_WG, from, ranges).iter().copied().map(alone).collect(),
             Self::SphericalShoulder(arm) => {
                 return arm.solutions(X_WG, from, ranges, thorough).into_iter().map(alone).collect();
             }
@@ -105,11 +107,11 @@ impl PostureFinder {
             }
         };
         let Some(circle) = srs.elbow_circle(X_WG) else { return Vec::new() };
-        let arcs = srs.swivels(&circle, &std::array::from_fn(|i| ranges[i]));
+        let arcs = srs.swivels(&circle, &first_seven(ranges));
         let mut found = Vec::with_capacity(arcs.len() * FRACTIONS_OF_ARC.len());
         for (branch, arc) in arcs {
             found.extend(FRACTIONS_OF_ARC.map(|fraction| {
-                posture_at(srs, &circle, Elbow { branch, swivel: arc[0] + fraction * (arc[1] - arc[0]) })
+                posture_at(srs, &circle, Elbow { branch, arc, swivel: arc[0] + fraction * (arc[1] - arc[0]) })
             }));
         }
         found
@@ -122,8 +124,8 @@ impl PostureFinder {
             (Self::Srs(srs), Some(elbow)) => {
                 let circle = srs.elbow_circle(X_WG)?;
                 // Close to a singularity the nearest solution may be of another branch.
-                let each =
-                    Branch::ALL.map(|branch| posture_at(srs, &circle, Elbow { branch, swivel: elbow.swivel + by }));
+                let each = Branch::ALL
+                    .map(|branch| posture_at(srs, &circle, Elbow { branch, swivel: elbow.swivel + by, ..elbow }));
                 let far = |it: &Posture| (it.q - known.q).norm();
                 each.into_iter().min_by(|a, b| far(a).total_cmp(&far(b)))
             }
@@ -137,6 +139,18 @@ impl PostureFinder {
             }
         }
     }
+
+    /// The posture with the elbow elsewhere on its arc, `None` where there is no elbow to move.
+    pub fn moved(&self, X_WG: &Pose, posture: &Posture, swivel: f64) -> Option<Posture> {
+        let (Self::Srs(srs), Some(elbow)) = (self, posture.elbow) else { return None };
+        let swivel = swivel.clamp(elbow.arc[0], elbow.arc[1]);
+        Some(posture_at(srs, &srs.elbow_circle(X_WG)?, Elbow { swivel, ..elbow }))
+    }
+}
+
+/// The ranges of the seven joints of an S-R-S arm.
+pub fn first_seven(ranges: &Ranges) -> [[f64; 2]; 7] {
+    std::array::from_fn(|i| ranges[i])
 }
 
 fn posture_at(srs: &SrsArm, circle: &ElbowCircle, elbow: Elbow) -> Posture {

@@ -61,7 +61,7 @@ impl Row {
     }
 }
 
-/// Lowest and highest value of aᵀx.
+/// Lowest and highest value of aᵀx; an equality where they are the same.
 pub type Bounds = [f64; 2];
 
 /// The quadratic cost, factorized once for any number of programs.
@@ -78,13 +78,20 @@ impl Hessian {
         Some(Self { factor: inverse.transpose() })
     }
 
-    /// The minimum.
+    /// The minimum. Rows that are equalities come first: `equalities` of them.
     ///
     /// # Errors
     /// If no x keeps all bounds, or none was found that does.
-    pub fn minimize(&self, gradient: &Variables, rows: &[Row], bounds: &[Bounds]) -> Result<Variables, ProgramFailure> {
+    pub fn minimize(
+        &self,
+        gradient: &Variables,
+        rows: &[Row],
+        bounds: &[Bounds],
+        equalities: usize,
+    ) -> Result<Variables, ProgramFailure> {
         let mut active = ActiveSet {
             rows,
+            equalities,
             J: self.factor,
             R: Square::zeros(),
             multipliers: Variables::zeros(),
@@ -127,8 +134,9 @@ const DEPENDENT: f64 = 1e-7;
 
 /// The constraints that hold with equality, and what they leave free.
 struct ActiveSet<'a> {
-    /// Rows of all constraints.
+    /// Rows of all constraints, the equalities first.
     rows: &'a [Row],
+    equalities: usize,
     /// Orthogonal transform of L⁻ᵀ: its first `count` columns span the active normals in the metric of H.
     J: Square,
     /// Upper triangular, `count` × `count`.
@@ -158,13 +166,19 @@ impl ActiveSet<'_> {
         self.indices[..self.count].contains(&index)
     }
 
-    /// The next constraint to enter: the most violated by distance, with the sign that makes it a lower
-    /// bound.
+    /// The next constraint to enter: equalities first, then the most violated by distance; with the sign that
+    /// makes it a lower bound.
     fn most_violated(&self, x: &Variables, bounds: &[Bounds]) -> Option<(usize, f64)> {
         let mut worst = None;
         let mut most = 0.0;
         for (index, (row, [low, high])) in self.rows.iter().zip(bounds).enumerate() {
             let value = row.dot(x);
+            if index < self.equalities {
+                if self.contains(index) {
+                    continue;
+                }
+                return Some((index, if value > *low { -1.0 } else { 1.0 }));
+            }
             let (below, above) = (low - value, value - high);
             let (violation, bound, sign) = if below > above { (below, low, 1.0) } else { (above, high, -1.0) };
             if violation > TOLERANCE * (1.0 + bound.abs()) && violation * row.scale > most && !self.contains(index) {
@@ -189,9 +203,12 @@ impl ActiveSet<'_> {
 
             let step = partial.min(full);
             if !step.is_finite() {
-                // No direction is left.
-                let contradicts = self.spans(row, sign, &r);
-                return Err(if contradicts { ProgramFailure::Infeasible } else { ProgramFailure::Numerical });
+                // No direction is left: redundant if it already holds, else infeasible.
+                return match index < self.equalities && slack.abs() < 1e-9 {
+                    true => Ok(()),
+                    false if self.spans(row, sign, &r) => Err(ProgramFailure::Infeasible),
+                    false => Err(ProgramFailure::Numerical),
+                };
             }
             multiplier += step;
             for slot in 0..self.count {
@@ -228,11 +245,11 @@ impl ActiveSet<'_> {
         Direction { d, z, curvature, r }
     }
 
-    /// The longest step before a multiplier turns negative, and which does.
+    /// The longest step before an inequality's multiplier turns negative, and which does.
     fn longest_step(&self, r: &Variables) -> (f64, Option<usize>) {
         let mut longest = (f64::INFINITY, None);
         for slot in 0..self.count {
-            if r[slot] > 0.0 {
+            if self.indices[slot] >= self.equalities && r[slot] > 0.0 {
                 let step = self.multipliers[slot] / r[slot];
                 if step < longest.0 {
                     longest = (step, Some(slot));

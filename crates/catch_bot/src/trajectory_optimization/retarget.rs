@@ -167,7 +167,7 @@ impl CatchSearch {
         let dof = robot.dof();
         let failures = to.incoming.failures;
         let hessian = failures.factor(Hessian::new(&H))?;
-        let step = failures.solution(hessian.minimize(&gradient, &rows[..dof], &bounds[..dof]))?;
+        let step = failures.solution(hessian.minimize(&gradient, &rows[..dof], &bounds[..dof], 0))?;
         let step: JointVector = step.fixed_rows::<MAX_JOINTS>(0).into_owned();
         let posture = Posture { q: plan.q + step, elbow: plan.elbow };
         let left_m = error_of(&robot.gripper_pose(&posture.q)).norm();
@@ -200,12 +200,12 @@ impl CatchSearch {
         let passing = Passing::new(&X_WO, &V_WO.linear, &base, &incoming.config.weights);
         let still_cost = passing.rank_alone(0, grasp).still_cost;
         let point_to_point = self.motion.point_to_point((start, incoming), local_flight, X_WG, &q, scaling);
-        let point_to_point = PointToPoint { spin_weight: plan.spin_weight, ..point_to_point };
+        let point_to_point = PointToPoint { weights: plan.weights, ..point_to_point };
         let joints = self.motion.reaches(start, catch_s - start.time_s, scaling);
         let bounds = self.motion.terminal_velocity_bounds(&joints, &start.state.q, &q)?;
         let CatchPlan { approach, cost, .. } = **plan;
         let reachable = ReachableCatch { catch_s, approach, X_WG: *X_WG, posture, cost, still_cost };
-        let best = point_to_point.best(bounds)?;
+        let best = point_to_point.best(bounds, -1.0)?;
         let found = self.finish(incoming, &reachable, grasp, best, &point_to_point)?;
         self.motion.is_safe(&found.trajectory, catch_s, grasp).then_some(found)
     }

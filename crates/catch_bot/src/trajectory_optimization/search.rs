@@ -196,7 +196,7 @@ impl CatchSearch {
             elbow,
             speed_fraction: terminal_velocity.speed_fraction,
             spin_radps,
-            spin_weight: point_to_point.spin_weight,
+            weights: point_to_point.weights,
             cost,
             holding_cost: self.holding_cost_moving(
                 incoming,

@@ -74,7 +74,7 @@ proptest! {
         let limits = JointLimits { jerk: Some(most), ..LIMITS };
         let spans = [0.4, 0.6, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5];
         let free = Ends { end: EndKind::Position, ..MOVING };
-        let onset = Onset { duration_s: 0.01, velocity: 1.5 };
+        let onset = Some(Onset { duration_s: 0.01, velocity: 1.5 });
         for (spline, end) in [
             (JointSpline::new(&spans, MOVING, 0.1, 0.01), End::At { q: to, dq: at, ddq: [-20.0, 3.0], last_speed: LAST_SPEED }),
             (JointSpline::new(&spans, free, 0.1, 0.0), End::Extreme { q: to, sign: f64::from(2 * sign - 1), last_speed: LAST_SPEED, onset }),
@@ -104,9 +104,7 @@ proptest! {
         let free = JointSpline::new(&spans, Ends { start_acceleration: false, end: EndKind::Position }, 0.1, 0.0);
         let given = JointSpline::new(&spans, Ends { start_acceleration: false, end: EndKind::At }, 0.1, 0.0);
         let to = q + by;
-        let onset = Onset { duration_s: 1.0, velocity: f64::INFINITY };
-        let end = End::Extreme { q: to, sign, last_speed: f64::INFINITY, onset };
-        let Ok(points) = free.solve(&start, &end, duration, &LIMITS, 0.0) else {
+        let Ok(points) = free.solve(&start, &End::Extreme { q: to, sign, last_speed: f64::INFINITY, onset: None }, duration, &LIMITS, 0.0) else {
             for step in -15..=15 {
                 let end = End::At { q: to, dq: f64::from(step) * 0.1, ddq: [-99.0, 99.0], last_speed: f64::INFINITY };
                 prop_assert!(given.solve(&start, &end, duration, &LIMITS, 0.0).is_err());

@@ -16,17 +16,19 @@ proptest! {
         gradient in variables(),
         inside in variables(),
         normals in prop::collection::vec((variables(), 0.0f64..0.5), 1..25),
+        equalities in 0usize..3,
         others in prop::collection::vec(variables(), 50),
     ) {
         let root = Square::from_column_slice(&root);
         let H = root * root.transpose() + Square::identity() * 0.1;
         // `inside` fulfils every constraint, so the program is feasible.
+        let equalities = equalities.min(normals.len());
         let rows: Vec<Row> = normals.iter().map(|(a, _)| Row::new(*a)).collect();
-        let bounds: Vec<Bounds> = normals.iter().map(|(a, slack)| {
+        let bounds: Vec<Bounds> = normals.iter().enumerate().map(|(index, (a, slack))| {
             let value = a.dot(&inside);
-            [value - slack, value + 3.0 * slack]
+            if index < equalities { [value; 2] } else { [value - slack, value + 3.0 * slack] }
         }).collect();
-        let x = Hessian::new(&H).unwrap().minimize(&gradient, &rows, &bounds).unwrap();
+        let x = Hessian::new(&H).unwrap().minimize(&gradient, &rows, &bounds, equalities).unwrap();
         let cost = |x: &Variables| 0.5 * x.dot(&(H * x)) + gradient.dot(x);
         let fulfils = |y: &Variables, by: f64| normals.iter().zip(&bounds).all(|((a, _), [low, high])| {
             (low - by..=high + by).contains(&a.dot(y))
@@ -62,7 +64,7 @@ proptest! {
             [value - slack, value + 3.0 * slack]
         }).collect();
         let Some(hessian) = Hessian::new(&H) else { return Ok(()) };
-        match hessian.minimize(&gradient, &rows, &bounds) {
+        match hessian.minimize(&gradient, &rows, &bounds, 0) {
             Ok(x) => for ((a, _), [low, high]) in normals.iter().zip(&bounds) {
                 let off = (low - a.dot(&x)).max(a.dot(&x) - high);
                 // Where x is huge the sum over its elements is known no better than this.
@@ -81,7 +83,7 @@ fn a_program_without_curvature_fails_numerically() {
     H[(0, 0)] = 1e-30;
     let rows = [Row::new(Variables::ith(0, 1.0)), Row::new(Variables::ith(1, 1.0))];
     let bounds = [[1.0, 2.0], [3.0, 4.0]];
-    let found = Hessian::new(&H).unwrap().minimize(&Variables::zeros(), &rows, &bounds);
+    let found = Hessian::new(&H).unwrap().minimize(&Variables::zeros(), &rows, &bounds, 0);
     assert_ne!(found, Err(ProgramFailure::Infeasible), "(1, 3) keeps all bounds");
 }
 
@@ -89,6 +91,6 @@ fn a_program_without_curvature_fails_numerically() {
 fn contradictions_are_reported() {
     let row = Row::new(Variables::ith(0, 1.0));
     let bounds = [[1.0, 2.0], [0.0, 0.5]];
-    let found = Hessian::new(&Square::identity()).unwrap().minimize(&Variables::zeros(), &[row; 2], &bounds);
+    let found = Hessian::new(&Square::identity()).unwrap().minimize(&Variables::zeros(), &[row; 2], &bounds, 0);
     assert_eq!(found, Err(ProgramFailure::Infeasible));
 }

@@ -4,7 +4,7 @@ use catch_body::{Gripper, JointVector, Pose, Robot, robot_file::RobotFiles, shap
 use catch_bot::{
     control::{Config, Controller, Decision, Progress, Status, sent_plans::SentPlans},
     grasp_selection::{Approach, Grasp},
-    trajectory_optimization::{CatchPlan, terminal_velocity::BALANCED},
+    trajectory_optimization::{CatchPlan, terminal_velocity::Weights},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::{
@@ -34,7 +34,7 @@ fn plan(start_s: f64, q: f64) -> CatchPlan {
         elbow: None,
         speed_fraction: 0.0,
         spin_radps: 0.0,
-        spin_weight: BALANCED,
+        weights: Weights::BALANCED,
         cost: 0.0,
         holding_cost: 0.0,
         trajectory: BSpline::at_rest(start_s, JointVector::repeat(q)),

@@ -3,10 +3,29 @@
 use catch_body::{JointVector, MAX_JOINTS, robot::Jacobian};
 use catch_bot::trajectory_optimization::{
     reachability::Interval,
-    terminal_velocity::{BALANCED, DAMPING, FOLLOWING, terminal_velocity},
+    terminal_velocity::{DAMPING, FOLLOWING, Weights, terminal_velocity},
 };
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
+
+#[test]
+fn the_grasp_centre_moves_along_with_the_object() {
+    let jacobian = jacobian();
+    let v_WO = Vector3::new(-2.0, -3.0, -1.0);
+    for width in [0.1, 0.5, 2.0] {
+        let found = terminal_velocity(
+            &jacobian,
+            &v_WO,
+            &[Interval { low: -width, high: width }; MAX_JOINTS],
+            &Weights::BALANCED,
+            None,
+        )
+        .unwrap();
+        let moved = jacobian.fixed_rows::<3>(3) * found.dq;
+        assert!((moved - v_WO * found.speed_fraction).norm() < 1e-10);
+        assert!(found.dq.amax() <= width + 1e-12 && found.speed_fraction <= 0.3 + 1e-12);
+    }
+}
 
 /// A Jacobian that no column of is like another.
 fn jacobian() -> Jacobian {
@@ -17,8 +36,9 @@ fn jacobian() -> Jacobian {
 fn a_hand_that_follows_leaves_no_velocity_across_its_approach() {
     let (jacobian, v_WO) = (jacobian(), Vector3::new(-2.0, -3.0, -1.0));
     let R_WG = Rotation3::from_euler_angles(0.3, -0.7, 1.1);
+    let following = Some((R_WG, FOLLOWING * 1e3));
     let bounds = [Interval { low: -50.0, high: 50.0 }; MAX_JOINTS];
-    let found = terminal_velocity(&jacobian, &v_WO, &bounds, 0.0, &R_WG).unwrap();
+    let found = terminal_velocity(&jacobian, &v_WO, &bounds, &Weights::BALANCED, following.as_ref()).unwrap();
     assert!((jacobian.fixed_rows::<3>(3) * found.dq - found.v_WG).norm() < 1e-12);
     let left = R_WG.inverse() * (v_WO - found.v_WG);
     let expected = Vector3::new(0.0, 0.7 * (R_WG.inverse() * v_WO).y, 0.0);
@@ -36,16 +56,18 @@ proptest! {
     ) {
         let (jacobian, v_WO, R_WG) =
             (jacobian(), Vector3::from(v), Rotation3::from_euler_angles(angles[0], angles[1], angles[2]));
+        let weights = Weights::BALANCED;
         let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
         bounds[..7].fill(Interval { low: -width, high: width });
-        let found = terminal_velocity(&jacobian, &v_WO, &bounds, BALANCED, &R_WG).unwrap();
+        let found =
+            terminal_velocity(&jacobian, &v_WO, &bounds, &weights, Some(&(R_WG, FOLLOWING))).unwrap();
         let cost = |dq: &JointVector| {
             let left = R_WG.inverse() * (jacobian.fixed_rows::<3>(3) * dq - v_WO);
             let along = left.y + 0.7 * (R_WG.inverse() * v_WO).y;
             FOLLOWING.x * left.x.powi(2)
                 + FOLLOWING.y * along.powi(2)
                 + FOLLOWING.z * left.z.powi(2)
-                + BALANCED * (jacobian.fixed_rows::<3>(0) * dq).norm_squared()
+                + weights.spin * (jacobian.fixed_rows::<3>(0) * dq).norm_squared()
                 + DAMPING * dq.norm_squared()
         };
         let least = cost(&found.dq);

@@ -134,6 +134,12 @@ fn add_meshes_and_data(add: &mut impl FnMut(Kind)) {
     let learned = assets("flights").remove(0).1;
     let command = "predict --track FOLDER/t.csv --object FILE --json";
     add(Kind::new("learned flight", "f.toml", learned, command).beside("t.csv", track));
+    let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("../catch_bot/benches/cases/planner_cases.json");
+    let mut cases: Value = serde_json::from_slice(&fs::read(cases).unwrap()).unwrap();
+    if let Some(list) = cases["cases"].as_array_mut() {
+        list.truncate(2);
+    }
+    add(Kind::new("cases", "c.json", cases.to_string(), "plan --cases FILE --json"));
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("results");
     catchingbot(&[&["eval"], PAPER_EVALUATION, &["--out", out.to_str().unwrap()]].concat());

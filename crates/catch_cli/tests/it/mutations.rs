@@ -30,7 +30,7 @@ use catch_import::{cloud_file, templates};
 use catch_lab::{
     assets::{Asset, Origin},
     flights::track_file,
-    png,
+    planner_cases, png,
     recording::replay::replay,
     scenario::{
         Scenario,
@@ -313,6 +313,8 @@ fn loads() -> BTreeMap<String, Load<'static>> {
             Ok(())
         }),
     );
+    let cases = read(&root().join("crates/catch_bot/benches/cases/planner_cases.json"));
+    add("cases JSON", Box::new(move |it| planner_cases::parse("c.json", &text(it.text(&cases))?).map(drop)));
     add(
         "template",
         Box::new(move |it| {

@@ -99,6 +99,7 @@ fn every_command_fails_in_the_same_shape() {
         ("eval", &["--scenario", "nope"], "--scenario"),
         ("play", &["--scenario", "nope"], "--scenario"),
         ("list", &["--show", "nope"], "--show"),
+        ("plan", &["--cases", "no.json"], "the file"),
         ("predict", &["--track", "no.csv"], "the file"),
         ("learn", &["--tracks", "no", "--out", "learned.toml"], "the folder"),
         ("calibrate", &["--rig", "nope"], "--rig"),

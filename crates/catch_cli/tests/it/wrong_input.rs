@@ -367,3 +367,17 @@ fn flights_are_followed_no_farther_than_they_can_be() {
     }
     assert!(catchingbot(&["predict", "--track", track, "--at", "0.5"]).status.success());
 }
+
+#[test]
+fn cases_that_are_none_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("cases.json");
+    let path = file.to_str().unwrap();
+    for (text, hint) in [
+        ("{\"q_start\": [0], \"grasp_centre_y_m\": 0.1, \"cases\": []}", "cases: found [], expected one case or more"),
+        ("{\"q_start\": [NaN], \"cases\": []}", "line 1, column 14: found `NaN], \"cases\": []}`"),
+    ] {
+        fs::write(&file, text).unwrap();
+        one_line(&["plan", "--cases", path], &[hint]);
+    }
+}

@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use calibration::{BySeed, CalibratedCameras};
 pub use knowledge::Knowledge;
+pub(crate) use parts::arm_with_hand;
 use parts::{Parts, Place};
 
 use crate::{

@@ -4,21 +4,23 @@
 
 use std::f64::consts::PI;
 
-use catch_body::{Pose, clearance::ArmClearance};
+use catch_body::{JointVector, Pose, clearance::ArmClearance};
 use catch_bot::{
     grasp_selection::GraspSet,
     perception::{ReferenceModel, Symmetry},
     trajectory_optimization::{
         CatchPlan, CatchSearch, Config, Incoming, MotionPlanner, PlanningFailure, Start,
-        failure_counter::FailureCounter, retarget::Correction,
+        failure_counter::FailureCounter, reachability::ReachableSet, retarget::Correction,
     },
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::{ArmTrajectory, LimitKind, Setpoint, executor::PeakRatios};
 use catch_lab::{
+    planner_cases,
     scenario::setup::{Choice, Setup},
     trial,
 };
+use catch_paper::posed::{PosedPlanner, Target};
 use catch_recording::brain::BrainSettings;
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -405,4 +407,101 @@ fn as_many_random_catches_as_one_likes_hold_when_recomputed() {
     let Outcomes { solved, unsolved, faults, .. } = many(&OBJECTS.map(|object| Desk::new(object, |_| {})), count, 4);
     println!("{solved} solved, {unsolved} not, {} faults", faults.len());
     assert!(faults.is_empty(), "{:?}", &faults[..faults.len().min(20)]);
+}
+
+/// Catches that sampling shows feasible: joint positions and velocities within each joint's reach, and an
+/// object that flies along with them. The arm begins at rest at `from_rad`. Returns how many of how many are
+/// solved.
+fn solved_by(robot: &str, from_rad: &[f64], count: usize) -> (usize, usize) {
+    let (robot, gripper) = planner_cases::arm(Some(robot), ("test", "robot")).unwrap();
+    let planner = PosedPlanner::new(MotionPlanner::new(robot, gripper.clone(), Config::default()));
+    let robot = &planner.motion.robot;
+    let mut rng = Pcg64::seed_from_u64(11);
+    let from = robot.checked_pose("test", "from_rad", from_rad).unwrap();
+    let start = Start { time_s: 0.0, state: Setpoint::at_rest(from) };
+    let (mut solved, mut asked) = (0, 0);
+    while asked < count {
+        let catch_s = rng.random_range(0.3..0.7);
+        let (mut q, mut dq) = (from, JointVector::zeros());
+        for (i, joint) in robot.joints.iter().enumerate() {
+            let limits = &joint.limits;
+            let reach = ReachableSet {
+                start_velocity: 0.0,
+                velocity: 0.95 * limits.velocity,
+                acceleration: 0.9 * limits.acceleration,
+                time_s: catch_s,
+            };
+            let far = reach.displacements();
+            let by = rng.random_range(far.low..far.high) * 0.9;
+            q[i] = (q[i] + by).clamp(limits.lower + 0.03, limits.upper - 0.03);
+            let fast = reach.terminal_velocities(q[i] - from[i]);
+            let middle = f64::midpoint(fast.low, fast.high);
+            dq[i] = middle + 0.9 * (rng.random_range(fast.low..=fast.high) - middle);
+        }
+        let X_WL = robot.link_poses(&q);
+        let X_WG = robot.gripper_in(&X_WL);
+        let moved = robot.jacobian(&X_WL, &(X_WG * gripper.grasp_centre())).fixed_rows::<3>(3) * dq;
+        let v_WO = moved / rng.random_range(0.05..0.3);
+        let is_too_fast = robot.max_hand_speed_mps.is_some_and(|most| robot.hand_speed_mps(&q, &dq) > most);
+        if v_WO.norm() < 2.0 || v_WO.norm() > 8.0 || is_too_fast {
+            continue;
+        }
+        asked += 1;
+        let target = Target { catch_s, X_WG, v_WO };
+        if let Ok(found) = planner.catch_at(&start, &target) {
+            let [q, dq, _] = found.spline.evaluate(catch_s);
+            let X_WL = robot.link_poses(&q);
+            let reached = robot.gripper_in(&X_WL);
+            assert!((reached.translation.vector - X_WG.translation.vector).norm() < 1e-6);
+            assert!(reached.rotation.angle_to(&X_WG.rotation) < 1e-6);
+            let moved = robot.jacobian(&X_WL, &(X_WG * gripper.grasp_centre())).fixed_rows::<3>(3) * dq;
+            assert!((moved - v_WO * found.speed_fraction).norm() < 1e-6);
+            solved += 1;
+        }
+    }
+    (solved, asked)
+}
+
+#[test]
+fn arms_of_other_kinds_catch_what_sampling_shows_feasible() {
+    for (robot, from_rad) in [
+        ("panda", [-0.785, 0.2, 0.0, -1.9, 0.0, 2.3, 0.785].as_slice()),
+        ("ur10e", &[-0.785, -1.9, 1.9, -1.57, -1.57, 0.0]),
+        ("iiwa14", &[-0.882, 1.344, 1.216, -1.203, 1.032, 1.712, 0.907]),
+    ] {
+        let (solved, asked) = solved_by(robot, from_rad, 300);
+        assert!(solved * 100 >= asked * 95, "{robot}: {solved} of {asked}");
+    }
+}
+
+/// The files of cases that stand beside the benches.
+fn cases(text: &str) -> (PosedPlanner, Vec<planner_cases::PlannerCase>) {
+    let (robot, gripper) = planner_cases::arm(None, ("test", "robot")).unwrap();
+    let all = Config { position_margin_rad: 0.0, velocity_scaling: 1.0, torque_scaling: 1.0, ..Config::default() };
+    (PosedPlanner::new(MotionPlanner::new(robot, gripper, all)), planner_cases::parse("test", text).unwrap())
+}
+
+#[test]
+fn feasible_cases_are_solved_and_unreachable_ones_proven_so() {
+    let text = include_str!("../../../catch_bot/benches/cases/planner_cases.json");
+    let best: serde_json::Value = serde_json::from_str(text).unwrap();
+    let (planner, feasible) = cases(text);
+    let mut fractions = Vec::new();
+    for (case, value) in feasible.iter().zip(best["cases"].as_array().unwrap()) {
+        let (q, dq) = case.start("test", &planner.motion.robot).unwrap();
+        let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
+        let plan = planner.catch_at(&start, &case.target).unwrap();
+        fractions.push(plan.speed_fraction / value["s_max"].as_f64().unwrap());
+    }
+    fractions.sort_by(f64::total_cmp);
+    assert_eq!(fractions.len(), 30);
+    assert!(fractions[0] >= 0.85 && fractions[15] >= 0.99, "{fractions:?}");
+
+    let (planner, unreachable) = cases(include_str!("../../../catch_bot/benches/cases/planner_cases_unreachable.json"));
+    for case in &unreachable {
+        let (q, dq) = case.start("test", &planner.motion.robot).unwrap();
+        let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
+        assert_eq!(planner.catch_at(&start, &case.target), Err(PlanningFailure::OutOfReach), "{}", case.id);
+    }
+    assert_eq!(unreachable.len(), 30);
 }

@@ -23,13 +23,13 @@ use catch_bot::{
     trajectory_optimization::{
         MAX_SPEED_FRACTION, MotionPlanner, Start,
         motion::LimitScaling,
-        quadratic_program::{Hessian, MAX_VARIABLES, Row, Square, Variables},
         reachability::{Interval, ReachableSet},
     },
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::arm::Setpoint;
-use nalgebra::{Point3, SMatrix, Vector3};
+use catch_paper::unreachable::shortfall;
+use nalgebra::{Point3, Vector3};
 
 /// Times of the first pieces, in seconds.
 const FIRST_PIECE_S: f64 = 0.01;
@@ -274,34 +274,12 @@ fn narrow(row: &[f64; UNKNOWNS], rest: Interval, unknowns: &mut [Interval; UNKNO
     Some(())
 }
 
-/// Shortfall between the velocities that the grasp centre can have within `bounds` and those along the
-/// object's: the shortest difference s·v − J_v·q̇.
-fn shortfall(jacobian: &Jacobian, v_WO: &Vector3<f64>, bounds: &[Interval; MAX_JOINTS]) -> Option<Vector3<f64>> {
-    const S: usize = MAX_JOINTS;
-    let linear = jacobian.fixed_rows::<3>(3);
-    let mut A = SMatrix::<f64, 3, MAX_VARIABLES>::zeros();
-    A.fixed_view_mut::<3, MAX_JOINTS>(0, 0).copy_from(&linear);
-    A.set_column(S, &-v_WO);
-    let H = A.transpose() * A + Square::identity() * 1e-6;
-    let rows: [Row; S + 1] = std::array::from_fn(|i| Row::new(Variables::ith(i, 1.0)));
-    let limits: [_; S + 1] =
-        std::array::from_fn(|i| bounds.get(i).map_or([0.0, MAX_SPEED_FRACTION], |it| [it.low, it.high]));
-    let x = Hessian::new(&H)?.minimize(&Variables::zeros(), &rows, &limits).ok()?;
-    Some(-A * x)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use catch_bot::trajectory_optimization::Config;
-    use catch_lab::scenario::setup::{Choice, Setup};
+    use catch_lab::planner_cases;
     use proptest::prelude::*;
-    use std::sync::LazyLock;
-
-    static PLANNER: LazyLock<MotionPlanner> = LazyLock::new(|| {
-        let setup = Setup::load(&Choice::default()).unwrap();
-        MotionPlanner::new(setup.robot, setup.gripper, Config::default())
-    });
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
@@ -316,7 +294,8 @@ mod tests {
             smallness in 0.0f64..14.0, sizes in prop::array::uniform8(-4.0f64..1.0),
             asides in prop::array::uniform8(0.0f64..=1.0),
         ) {
-            let planner = &*PLANNER;
+            let (robot, gripper) = planner_cases::arm(None, ("test", "robot")).unwrap();
+            let planner = MotionPlanner::new(robot, gripper, Config::default());
             let start = Start { time_s: 0.05, state: Setpoint::at_rest(planner.robot.ready_q) };
             let (from, catch_s) = (start.state.q, start.time_s + lead_s);
             let reaches = planner.reaches(&start, lead_s, LimitScaling { velocity: 1.0, acceleration: 1.0 });
@@ -337,7 +316,7 @@ mod tests {
             let flight = FlightTrajectory { time_s: catch_s, p_WOcm, v_WOcm, drag_per_m, ..FlightTrajectory::default() };
 
             let any = AnyCatch { flight: &flight, times_s: [0.0, 1.0], within_m: 0.0 };
-            let proof = Proof { planner, start: &start, any: &any };
+            let proof = Proof { planner: &planner, start: &start, any: &any };
             let catch: [f64; UNKNOWNS] = std::array::from_fn(|i| if i == TIME { catch_s } else { q[i] });
             let mut piece = catch.map(|at| Interval { low: at, high: at });
             for (k, i) in (0..planner.robot.dof()).chain([TIME]).enumerate() {

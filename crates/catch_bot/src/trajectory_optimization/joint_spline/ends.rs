@@ -43,7 +43,7 @@ pub enum End {
         /// Highest speed shortly before, in rad/s.
         last_speed: f64,
         /// Continuation after the end.
-        onset: Onset,
+        onset: Option<Onset>,
     },
     /// The joint ends at rest anywhere, with acceleration zero.
     Rest,

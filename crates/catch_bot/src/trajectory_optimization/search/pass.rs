@@ -21,7 +21,7 @@ use crate::{
         posture::Posture,
         reachability::fraction_used,
         swept_volume::Entering,
-        terminal_velocity::{BALANCED, STEADY, TerminalVelocity},
+        terminal_velocity::{TerminalVelocity, Weights as TerminalVelocityWeights},
     },
     trajectory_prediction::{FlightPropagator, LocalFlight},
 };
@@ -203,11 +203,11 @@ impl<'a, 's> Pass<'a, 's> {
             (Entering { incoming, local_flight: &at.local_flight, grasp }, &mut obstacles[index]);
         let reachable = ReachableCatch { catch_s, approach, X_WG, posture, cost: node.cost, still_cost };
         let bounds = motion.terminal_velocity_bounds(&at.joints, &start.state.q, &posture.q)?;
-        for spin_weight in [BALANCED, STEADY] {
+        for weights in [TerminalVelocityWeights::BALANCED, TerminalVelocityWeights::STEADY] {
             let to_catch =
                 motion.point_to_point((start, incoming), &at.local_flight, &X_WG, &posture.q, motion.moving_scaling());
-            let to_catch = PointToPoint { spin_weight, ..to_catch };
-            let known = (spin_weight == BALANCED).then_some(balanced);
+            let to_catch = PointToPoint { weights, ..to_catch };
+            let known = (weights == TerminalVelocityWeights::BALANCED).then_some(balanced);
             let Some(terminal_velocity) = known.or_else(|| to_catch.terminal_velocity(&bounds)) else { continue };
             *work += 2 * WORK_OF_AN_APPROACH;
             let v_G = X_WG.rotation.inverse_transform_vector(&(v_WO - terminal_velocity.v_WG));
@@ -218,7 +218,7 @@ impl<'a, 's> Pass<'a, 's> {
             }
             *work += WORK_OF_A_MOTION;
             // Where no velocities along the flight are left, none are with other weights.
-            let Some(reached) = to_catch.best(bounds) else { break };
+            let Some(reached) = to_catch.best(bounds, -1.0) else { break };
             let Some(plan) = planner.finish(incoming, &reachable, grasp, reached, &to_catch) else { continue };
             *work += WORK_OF_APERTURES;
             // Less work than clearances, and fails more often.

@@ -134,11 +134,13 @@ pub const FILES: &[Section] = &[
     of("Real cell: `safe_box`", "catch_cell/src/cell_file.rs", "SafeBox"),
 ];
 
-/// Strict structs that are no file of a user.
+/// Strict structs that are no file of a user, or, as cases to plan, stand in the help of their command.
 pub const ELSEWHERE: &[(&str, &str)] = &[
     ("catch_bot/src/preparation.rs", "Config"),
     ("catch_cell/src/knowledge.rs", "ObjectFile"),
     ("catch_lab/src/evaluation/published.rs", "PublishedRate"),
+    ("catch_lab/src/planner_cases.rs", "Document"),
+    ("catch_lab/src/planner_cases.rs", "Case"),
 ];
 
 /// Words in tables: statuses of the brain, reasons of the referee, and messages of a robot controller.

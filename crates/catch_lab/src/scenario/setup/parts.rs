@@ -2,6 +2,7 @@
 
 use catch_body::{
     Gripper, InputError, Robot,
+    robot::LimitScale,
     workcell::{Obstacle, Workcell},
 };
 use catch_cell::{CameraModel, DataSheet, KnownObject, ReferenceScan, reference_scan, rig_from_toml};
@@ -22,6 +23,35 @@ use catch_recording::{
 pub(super) struct Place<'a> {
     pub file: &'a str,
     pub origin: &'a Origin,
+}
+
+/// The arm with its gripper and what stands around them, by their files, and the texts of these.
+///
+/// # Errors
+/// A file that is missing, or a fault in one.
+pub fn arm_with_hand(
+    robot: &Asset,
+    gripper: &Asset,
+    workcell: Option<&Asset>,
+    limit_scale: LimitScale,
+) -> Result<(Sources, Robot, Gripper), InputError> {
+    let (urdf_file, robot_urdf) = robot.read_text_beside("robot.urdf")?;
+    let sources = Sources {
+        robot_urdf,
+        robot_toml: robot.text.clone(),
+        robot_meshes: robot.meshes()?,
+        gripper_toml: gripper.text.clone(),
+        gripper_meshes: gripper.meshes()?,
+        workcell_toml: workcell.map(|it| it.text.clone()),
+        limit_scale,
+    };
+    let (arm, hand) = sources.parse(&SourceNames {
+        robot_urdf: &urdf_file,
+        robot_toml: &robot.file,
+        gripper_toml: &gripper.file,
+        workcell_toml: workcell.map_or("", |it| &it.file),
+    })?;
+    Ok((sources, arm, hand))
 }
 
 /// The files of a cell.
@@ -74,23 +104,8 @@ impl Parts {
         of_file: &Scenario,
         file: &str,
     ) -> Result<(Sources, Robot, Gripper), InputError> {
-        let Self { robot, gripper, workcell, .. } = self;
-        let (urdf_file, robot_urdf) = robot.read_text_beside("robot.urdf")?;
-        let sources = Sources {
-            robot_urdf,
-            robot_toml: robot.text.clone(),
-            robot_meshes: robot.meshes()?,
-            gripper_toml: gripper.text.clone(),
-            gripper_meshes: gripper.meshes()?,
-            workcell_toml: workcell.as_ref().map(|it| it.text.clone()),
-            limit_scale: scenario.limit_scale,
-        };
-        let (mut arm, hand) = sources.parse(&SourceNames {
-            robot_urdf: &urdf_file,
-            robot_toml: &robot.file,
-            gripper_toml: &gripper.file,
-            workcell_toml: workcell.as_ref().map_or("", |it| &it.file),
-        })?;
+        let workcell = self.workcell.as_ref();
+        let (sources, mut arm, hand) = arm_with_hand(&self.robot, &self.gripper, workcell, scenario.limit_scale)?;
         let said_by = |is_set: bool| if is_set { COMMAND_LINE } else { file };
         if let Some(values) = &scenario.ready_rad {
             let file = said_by(scenario.ready_rad != of_file.ready_rad);
@@ -102,7 +117,7 @@ impl Parts {
         if let Some(workcell) = workcell {
             sources::check_waits_clear(&arm, &hand, &workcell.file)?;
         }
-        scenario.check_closing(file, &hand, &gripper.file)?;
+        scenario.check_closing(file, &hand, &self.gripper.file)?;
         Ok((sources, arm, hand))
     }
 
