@@ -7,7 +7,12 @@
 //! nobody measured, k·ω in the world; a and α disturb the motion. A tracked point lies at p + R·r.
 //! Perturbations of the orientation are in the body frame: R·exp(δθ×).
 
+pub mod ballistic;
+pub mod tumbling;
+
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
+
+use crate::pose::left_jacobian;
 
 /// Number of parameters: r, M (xx, yy, zz, xy, xz, yz), k, c, S (xx, yy, xy, xz, yz), s.
 pub const PARAMETERS: usize = 19;
@@ -260,17 +265,10 @@ impl FlyingBody {
     }
 }
 
-/// Derivative of the perturbation of R·exp(φ), given those of R and of φ: exp(−φ)·δθ + Jᵣ(φ)·δφ with
-/// Jᵣ(φ) = 1 − (1 − cos φ)/φ²·[φ]ₓ + (φ − sin φ)/φ³·[φ]ₓ².
+/// Derivative of the perturbation of R·exp(φ), given those of R and of φ: exp(−φ)·δθ + J(−φ)·δφ.
 fn rotated_by(phi: &Vector3<f64>, dtheta: &ByState, dphi: &ByState) -> ByState {
-    let (angle, cross) = (phi.norm(), phi.cross_matrix());
-    let (first, second) = if angle > 1e-3 {
-        ((1.0 - libm::cos(angle)) / (angle * angle), (angle - libm::sin(angle)) / angle.powi(3))
-    } else {
-        (0.5, 1.0 / 6.0)
-    };
     let back = UnitQuaternion::from_scaled_axis(-phi).to_rotation_matrix().into_inner();
-    back * dtheta + (Matrix3::identity() - cross * first + cross * cross * second) * dphi
+    back * dtheta + left_jacobian(&-phi) * dphi
 }
 
 impl FreeState {

@@ -1,6 +1,6 @@
 //! Rigid transforms and spatial velocities.
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::quantity;
@@ -42,6 +42,18 @@ impl PoseFields {
         let [roll, pitch, yaw] = self.rpy_rad;
         Pose::from_parts(Translation3::from(self.position_m), UnitQuaternion::from_euler_angles(roll, pitch, yaw))
     }
+}
+
+/// J(φ) = ∫₀¹ exp(sφ) ds = 1 + (1 − cos φ)/φ²·[φ]ₓ + (φ − sin φ)/φ³·[φ]ₓ², by which a small change of φ turns
+/// exp(φ) in the fixed frame; J(−φ) is that in the turned frame.
+pub fn left_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
+    let (angle, cross) = (phi.norm(), phi.cross_matrix());
+    let (first, second) = if angle > 1e-3 {
+        ((1.0 - libm::cos(angle)) / (angle * angle), (angle - libm::sin(angle)) / angle.powi(3))
+    } else {
+        (0.5, 1.0 / 6.0)
+    };
+    Matrix3::identity() + cross * first + cross * cross * second
 }
 
 /// The pose of a frame at `eye` whose z axis points at `target` and whose y axis points down as far as it

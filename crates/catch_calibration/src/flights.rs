@@ -12,7 +12,6 @@
 //! eliminated.
 
 mod equations;
-mod motion;
 #[cfg(test)]
 mod tests;
 

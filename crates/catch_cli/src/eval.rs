@@ -13,7 +13,7 @@ use catch_body::InputError;
 use catch_lab::{
     camera_placement,
     evaluation::{
-        Cell, Evaluation, Identity, MOST_THREADS, Row,
+        Cell, Evaluation, MOST_THREADS, Row,
         cell_summary::CellSummary,
         published::{published_rate, published_rates},
         results::{REPORT_FILE, Results},
@@ -25,10 +25,7 @@ use catch_lab::{
     trial::stopwatch::{StageTimes, Stopwatch},
 };
 use catch_recording::whole_file::{self, COMMAND_LINE};
-use catch_view::{
-    export::plots,
-    pages::report_page::{self, MOST_MISSES, Report},
-};
+use catch_view::pages::report_page::{self, MOST_MISSES, Report};
 use clap::Args;
 use comfy_table::Table;
 use serde::Serialize;
@@ -43,73 +40,47 @@ use crate::{
 
 /// Name of the file with the wall times of the stages.
 const TIMES_FILE: &str = "times.json";
-/// Default folder of the results.
-const FOLDER: &str = "out/eval";
 
 /// Arguments of `eval`.
 #[derive(Debug, Args)]
 pub struct EvalArguments {
     #[command(flatten)]
-    pub(super) choice: ChoiceArguments,
+    choice: ChoiceArguments,
     /// Object: a built-in name or a file; may be given more than once [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
-    pub(super) object: Vec<String>,
+    object: Vec<String>,
     /// Throw: a built-in name or a file; may be given more than once [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
-    pub(super) throw: Vec<String>,
+    throw: Vec<String>,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
-    pub(super) seed: u64,
+    seed: u64,
     /// Throws per object and throw
     #[arg(long, value_name = "N", default_value_t = 57, value_parser = whole(1, 10_000_000))]
-    pub(super) trials: u64,
+    trials: u64,
     /// Number of the first throw, to share an evaluation between machines
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0, MOST))]
-    pub(super) first: u64,
+    first: u64,
     /// Trials that run at the same time [default: the number of cores]
     #[arg(long, value_name = "N", value_parser = whole(1, MOST_THREADS as u64))]
-    pub(super) threads: Option<u64>,
-    /// Folder for the results [default: out/eval]
-    #[arg(long, value_name = "DIR")]
-    pub(super) out: Option<PathBuf>,
+    threads: Option<u64>,
+    /// Folder for the results
+    #[arg(long, value_name = "DIR", default_value = "out/eval")]
+    out: PathBuf,
     /// Open a page that follows the run, on this machine only
     #[arg(long)]
-    pub(super) watch: bool,
+    watch: bool,
     /// Go on with the results that are in the folder
     #[arg(long)]
-    pub(super) resume: bool,
-    /// Runs nothing: parts of an evaluation, in any order, become one [default of --out: out/merged]
-    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["object", "throw", "resume", "plots"])]
-    pub merge: Vec<PathBuf>,
-    /// Write plots as SVG beside the report
-    #[arg(long)]
-    pub(super) plots: bool,
+    resume: bool,
     /// Print one JSON document instead of the table
     #[arg(long)]
-    pub(super) json: bool,
-    /// Print the table in Markdown
-    #[arg(long, conflicts_with = "json")]
-    pub(super) markdown: bool,
+    json: bool,
 }
 
 /// The JSON document.
 #[derive(Serialize)]
 struct Document<'a> {
-    #[serde(flatten)]
-    outcome: Outcome<'a>,
-    /// Calibration of the cameras before the first throw, where the scenario has one.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    calibration: Vec<CameraDocument>,
-    /// What the calibrated cameras know of the throws of the first cell.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    rig: Option<RigDocument>,
-    wall_s: f64,
-    stages: BTreeMap<&'static str, StageTimes>,
-}
-
-/// Part of the document that does not depend on computing times.
-#[derive(Serialize)]
-pub(super) struct Outcome<'a> {
     scenario: &'a str,
     /// The scenario as it was resolved; objects and throws are those of the cells.
     resolved: &'a Scenario,
@@ -119,23 +90,14 @@ pub(super) struct Outcome<'a> {
     trials: usize,
     caught: usize,
     results: &'a Path,
-}
-
-impl<'a> Outcome<'a> {
-    pub fn new(identity: &'a Identity, cells: &'a [CellSummary], rows: &[Row], results: &'a Path) -> Self {
-        let published = published_rates();
-        let cell = |summary| DocumentCell { summary, published: published_rate(&published, summary) };
-        Self {
-            scenario: &identity.cells[0].name,
-            resolved: &identity.cells[0],
-            seed: identity.seed,
-            first: identity.first,
-            cells: cells.iter().map(cell).collect(),
-            trials: rows.len(),
-            caught: rows.iter().filter(|row| row.verdict.caught).count(),
-            results,
-        }
-    }
+    /// Calibration of the cameras before the first throw, where the scenario has one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    calibration: Vec<CameraDocument>,
+    /// What the calibrated cameras know of the throws of the first cell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rig: Option<RigDocument>,
+    wall_s: f64,
+    stages: BTreeMap<&'static str, StageTimes>,
 }
 
 /// A cell of the table, and what was published.
@@ -170,11 +132,11 @@ pub fn tell_how_to_resume(out: &Path) {
 /// # Errors
 /// Faults in the arguments and files; results that cannot be written.
 pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
-    let folder = arguments.out.as_deref().unwrap_or(Path::new(FOLDER));
+    let folder = &*arguments.out;
     tell_how_to_resume(folder);
     let started = Instant::now();
     let evaluation = evaluation(arguments)?;
-    let is_told = !(arguments.json || arguments.markdown);
+    let is_told = !arguments.json;
     let setup = &evaluation.cells[0].setup;
     let calibration = calibrate::before_throws(setup, arguments.seed, is_told)?;
     let is_calibrated = setup.scenario.calibration.is_some();
@@ -202,19 +164,27 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     if is_new {
         let text = serde_json::to_string_pretty(&times)? + "\n";
         whole_file::write(&folder.join(TIMES_FILE), text)?;
-    }
-    if is_new || arguments.plots {
-        write_report(&evaluation, &done, (MOST_MISSES, threads), arguments.plots, folder)?;
-    }
-    if arguments.markdown {
-        screen::text(&summary_table::markdown(&identity, &cells))?;
-        return Ok(screen::text(&format!("\n{}", summary_table::times_markdown(stopwatch.summary())))?);
+        write_report(&evaluation, &done, (MOST_MISSES, threads), folder)?;
     }
     if !arguments.json {
         return Ok(print(&cells, &times, stopwatch, folder)?);
     }
-    let outcome = Outcome::new(&identity, &cells, rows, folder);
-    screen::document(&Document { outcome, calibration, rig, wall_s, stages: times.stages })
+    let published = published_rates();
+    let cell = |summary| DocumentCell { summary, published: published_rate(&published, summary) };
+    screen::document(&Document {
+        scenario: &identity.cells[0].name,
+        resolved: &identity.cells[0],
+        seed: identity.seed,
+        first: identity.first,
+        cells: cells.iter().map(cell).collect(),
+        trials: rows.len(),
+        caught: rows.iter().filter(|row| row.verdict.caught).count(),
+        results: folder,
+        calibration,
+        rig,
+        wall_s,
+        stages: times.stages,
+    })
 }
 
 /// An evaluation whose trials are all there.
@@ -268,7 +238,7 @@ pub fn complete(
     Ok(Done { timed: rows.len() - done_before, rows, stopwatch })
 }
 
-/// The report as a page, with pages of the first misses, and the plots if they are wanted.
+/// The report as a page, with pages of the first misses.
 ///
 /// # Errors
 /// Files that cannot be written.
@@ -276,7 +246,6 @@ pub fn write_report(
     evaluation: &Evaluation,
     done: &Done,
     (most_misses, threads): (usize, usize),
-    plots: bool,
     folder: &Path,
 ) -> anyhow::Result<()> {
     let Done { rows, stopwatch, .. } = done;
@@ -285,11 +254,7 @@ pub fn write_report(
     let scenario = &evaluation.cells[0].setup.scenario.name;
     let cells = &evaluation.identity().summarize(rows);
     let report = Report { scenario, seed: evaluation.seed, cells, rows, stopwatch, pages: &pages };
-    whole_file::write(&folder.join(REPORT_FILE), report_page::page(&report))?;
-    if plots {
-        plots::write(&report, folder).map_err(|fault| anyhow::anyhow!("{fault}")).with_context(written)?;
-    }
-    Ok(())
+    Ok(whole_file::write(&folder.join(REPORT_FILE), report_page::page(&report))?)
 }
 
 /// Every object with every throw.
@@ -337,7 +302,7 @@ fn print(cells: &[CellSummary], times: &Times, stopwatch: &Stopwatch, folder: &P
 }
 
 /// The table for the terminal.
-pub fn table(cells: &[CellSummary]) -> Table {
+fn table(cells: &[CellSummary]) -> Table {
     // Long headings and lists of reasons take several lines, so that the table fits into a terminal.
     let headings = summary_table::HEADINGS.map(|heading| match heading.split_once(' ') {
         Some((first, words)) if heading.len() > 8 => format!("{first}\n{words}"),

@@ -26,7 +26,6 @@ mod failure;
 mod gripper_latency;
 mod learn;
 mod list;
-mod merge;
 mod new;
 mod object;
 mod opening;
@@ -85,7 +84,7 @@ struct Arguments {
 enum Command {
     /// Throws once: shows the events as they happen and the outcome, and writes a recording and a page
     Catch(Box<catch::CatchArguments>),
-    /// Throws many times: prints a table, writes a row per trial; or merges parts of an evaluation
+    /// Throws many times: prints a table, writes a row per trial
     Eval(Box<eval::EvalArguments>),
     /// Throws many times to one arm, which holds what it caught, puts it down and returns for the next throw
     Play(Box<play::PlayArguments>),
@@ -304,7 +303,6 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     match arguments.command {
         None => catch::run(&arguments.catch),
         Some(Command::Catch(catch)) => catch::run(&catch),
-        Some(Command::Eval(eval)) if !eval.merge.is_empty() => merge::run(&eval),
         Some(Command::Eval(eval)) => eval::run(&eval),
         Some(Command::Play(play)) => play::run(&play),
         Some(Command::List(list)) => list::run(&list, command()),

@@ -7,6 +7,7 @@ use catch_lab::flights::{
     flight::{Flight, FlightState},
     flight_prediction::{self, DRAG_PER_M, FlightStatus, Known, LEAST_SIGHTINGS},
     flight_prior::FlightPrior,
+    stretches::axis,
     track_file,
 };
 use catch_recording::whole_file::COMMAND_LINE;
@@ -63,19 +64,19 @@ pub struct PredictArguments {
     json: bool,
 }
 
-/// Axis that points up.
+/// Axis that points up, in the order of [`axis`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Up {
     #[value(alias = "+x")]
     X,
-    #[value(alias = "+y")]
-    Y,
-    #[value(alias = "+z")]
-    Z,
     #[value(name = "-x")]
     MinusX,
+    #[value(alias = "+y")]
+    Y,
     #[value(name = "-y")]
     MinusY,
+    #[value(alias = "+z")]
+    Z,
     #[value(name = "-z")]
     MinusZ,
 }
@@ -83,14 +84,7 @@ pub enum Up {
 impl Up {
     /// Returns the direction as a vector.
     pub fn direction(self) -> Unit<Vector3<f64>> {
-        match self {
-            Self::X => Vector3::x_axis(),
-            Self::Y => Vector3::y_axis(),
-            Self::Z => Vector3::z_axis(),
-            Self::MinusX => -Vector3::x_axis(),
-            Self::MinusY => -Vector3::y_axis(),
-            Self::MinusZ => -Vector3::z_axis(),
-        }
+        Unit::new_unchecked(axis(self as usize))
     }
 }
 

@@ -5,9 +5,9 @@
 //! while the normal equations see information in the roughness of the model. So poses aside are tried, not
 //! believed to be ruled out.
 
-use catch_body::Pose;
+use catch_body::{Pose, pose::left_jacobian};
 use catch_bot::perception::{self, Fit, ReferenceModel, SceneCloud, Symmetry, point_cloud::ScenePoint};
-use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 
 /// A pose, and the points that speak for it.
 pub(super) struct Evidence<'a> {
@@ -145,15 +145,8 @@ pub(super) fn away_m(reference: &ReferenceModel, X_WA: &Pose, X_WB: &Pose) -> f6
 /// manipulation, 2.36).
 fn screw(X_WO: &Pose, twist: &Vector6<f64>) -> Pose {
     let (turn, v): (Vector3<f64>, Vector3<f64>) = (twist.fixed_rows::<3>(0).into(), twist.fixed_rows::<3>(3).into());
-    let (angle, cross) = (turn.norm(), turn.cross_matrix());
-    let (a, b) = if angle < 1e-6 {
-        (0.5, 1.0 / 6.0)
-    } else {
-        ((1.0 - libm::cos(angle)) / angle.powi(2), (angle - libm::sin(angle)) / angle.powi(3))
-    };
-    let shift = (Matrix3::identity() + cross * a + cross * cross * b) * v;
     Pose::from_parts(
-        Translation3::from(X_WO.translation.vector + shift),
+        Translation3::from(X_WO.translation.vector + left_jacobian(&turn) * v),
         UnitQuaternion::from_scaled_axis(turn) * X_WO.rotation,
     )
 }

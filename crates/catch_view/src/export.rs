@@ -5,7 +5,5 @@ pub mod gif_picture;
 #[cfg(feature = "mcap")]
 pub mod mcap_file;
 pub mod mjcf;
-#[cfg(feature = "plots")]
-pub mod plots;
 #[cfg(feature = "mcap")]
 pub mod urdf;

@@ -10,16 +10,20 @@ mod row;
 mod state;
 mod sums;
 
-use catch_body::Pose;
+use catch_body::{
+    Pose,
+    free_flight::{
+        ballistic::{Law, Motion},
+        tumbling::Tumbling,
+    },
+};
 use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
 
 use super::{
     AerodynamicForces, Config, FIT_WINDOW, FlightTrajectory, PredictionStatus, WINDOW,
     correlated_error::CorrelatedSums,
-    flight::Motion,
+    inertia_per_kg,
     ransac::{is_finite, reach_m},
-    tumbling,
-    tumbling::Tumbling,
 };
 use crate::perception::{ObjectPose, Symmetry};
 use row::Row;
@@ -64,7 +68,7 @@ pub(super) fn fit(
         Symmetry::Axis { .. } => 5.0,
         Symmetry::Sphere => 3.0,
     };
-    let (inertia, forces) = (tumbling::inertia_per_kg(symmetry), start.forces);
+    let (inertia, forces) = (inertia_per_kg(symmetry), start.forces);
     let problem = Problem { poses, newest_s, symmetry, inertia, forces, freedom, config };
     let (state, scale, agreeing) = problem.minimized(State::of(start, newest_s, config), scratch)?;
     let concluded = if problem.turns() {
@@ -182,7 +186,7 @@ impl Problem<'_> {
             let elapsed_s = pose.capture_s - time_s;
             if elapsed_s != 0.0 {
                 let before = (motion, tumbling);
-                motion = motion.after(elapsed_s, state.drag_per_m, true);
+                motion = motion.after(elapsed_s, &Law::with_drag(state.drag_per_m), true);
                 if turns || self.forces.any() {
                     tumbling = tumbling.after(elapsed_s, true);
                 }

@@ -1,10 +1,17 @@
 //! Propagation of a flight: gravity, quadratic drag and free rotation.
 
-use catch_body::{Pose, Twist, dynamics::gravity};
+use catch_body::{
+    Pose, Twist,
+    dynamics::gravity,
+    free_flight::{
+        ballistic::{Law, Motion},
+        tumbling::Tumbling,
+    },
+};
 use nalgebra::{Matrix3, Matrix6, Point3, SMatrix, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{AerodynamicForces, LocalFlight, ProcessNoise, tumbling::Tumbling};
+use super::{AerodynamicForces, LocalFlight, ProcessNoise};
 
 /// A flight: the state at one instant and the law by which it goes on.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -60,94 +67,11 @@ pub struct FlightTrajectory {
     pub error_scale: f64,
 }
 
-/// Longest step of the integration. At 10 m/s and a drag constant of 0.2 1/m its error stays below 10 nm over
-/// a second.
-const STEP_S: f64 = 0.02;
 /// Longest step of the integration with forces that depend on the orientation: at 25 rad/s a quarter of a
 /// radian, and an error of a tenth of a millimetre.
 const PUSHED_STEP_S: f64 = 0.01;
 /// Most steps, so that absurd times cost no more than wrong answers.
 const MAX_STEPS: f64 = 500.0;
-
-/// Position and velocity, and how they depend on the velocity and drag constant at the start.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Motion {
-    pub p: Vector3<f64>,
-    pub v: Vector3<f64>,
-    /// ∂p/∂(v₀, k) and ∂v/∂(v₀, k); ∂p/∂p₀ is the identity and ∂v/∂p₀ zero.
-    pub dp: SMatrix<f64, 3, 4>,
-    pub dv: SMatrix<f64, 3, 4>,
-}
-
-impl Motion {
-    pub fn new(p: Vector3<f64>, v: Vector3<f64>) -> Self {
-        let mut dv = SMatrix::<f64, 3, 4>::zeros();
-        dv.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-        Self { p, v, dp: SMatrix::zeros(), dv }
-    }
-
-    /// The motion `duration_s` later (or earlier, if negative) under a = g − k·|v|·v.
-    ///
-    /// Without drag in closed form; with it by Runge–Kutta of fourth order, the derivatives together with the
-    /// state.
-    pub fn after(&self, duration_s: f64, drag_per_m: f64, with_derivatives: bool) -> Self {
-        if drag_per_m == 0.0 && !with_derivatives {
-            let p = self.p + self.v * duration_s + gravity() * (0.5 * duration_s * duration_s);
-            return Self { p, v: self.v + gravity() * duration_s, ..*self };
-        }
-        let steps = (duration_s.abs() / STEP_S).ceil().min(MAX_STEPS);
-        let mut motion = *self;
-        let h = duration_s / steps.max(1.0);
-        for _ in 0..steps as usize {
-            if drag_per_m == 0.0 {
-                motion = motion.after_step_without_drag(h);
-                continue;
-            }
-            let k1 = motion.rate(drag_per_m, with_derivatives);
-            let k2 = motion.plus(&k1, h / 2.0).rate(drag_per_m, with_derivatives);
-            let k3 = motion.plus(&k2, h / 2.0).rate(drag_per_m, with_derivatives);
-            let k4 = motion.plus(&k3, h).rate(drag_per_m, with_derivatives);
-            motion = motion.plus(&k1, h / 6.0).plus(&k2, h / 3.0).plus(&k3, h / 3.0).plus(&k4, h / 6.0);
-        }
-        motion
-    }
-
-    /// A step of the parabola, with derivatives: ∂p/∂v = h and, with a(t) = −|v|v, ∂v/∂k = ∫a dt and ∂p/∂k =
-    /// ∫(h − t)·a dt, by Simpson's rule.
-    fn after_step_without_drag(&self, h: f64) -> Self {
-        let v_at = |fraction: f64| self.v + gravity() * (fraction * h);
-        let by_drag = [0.0, 0.5, 1.0].map(|fraction| v_at(fraction) * -v_at(fraction).norm());
-        let mut after = *self;
-        after.p += self.v * h + gravity() * (0.5 * h * h);
-        after.v = v_at(1.0);
-        after.dp += self.dv * h;
-        let mut position = after.dp.column_mut(3);
-        position += (by_drag[0] + by_drag[1] * 2.0) * (h * h / 6.0);
-        let mut velocity = after.dv.column_mut(3);
-        velocity += (by_drag[0] + by_drag[1] * 4.0 + by_drag[2]) * (h / 6.0);
-        after
-    }
-
-    /// Time derivative: ṗ = v, v̇ = g − k|v|v, and with A = ∂v̇/∂v = −k(|v|·1 + v·vᵀ/|v|):
-    /// d/dt ∂p = ∂v, d/dt ∂v = A·∂v + [0 | −|v|v].
-    fn rate(&self, drag_per_m: f64, with_derivatives: bool) -> Self {
-        let speed = self.v.norm();
-        let acceleration = gravity() - self.v * (drag_per_m * speed);
-        if !with_derivatives {
-            return Self { p: self.v, v: acceleration, dp: SMatrix::zeros(), dv: SMatrix::zeros() };
-        }
-        let along = if speed > 1e-9 { self.v * self.v.transpose() / speed } else { Matrix3::zeros() };
-        let A = (Matrix3::identity() * speed + along) * -drag_per_m;
-        let mut ddv = A * self.dv;
-        let mut by_drag = ddv.column_mut(3);
-        by_drag -= self.v * speed;
-        Self { p: self.v, v: acceleration, dp: self.dv, dv: ddv }
-    }
-
-    fn plus(&self, rate: &Self, h: f64) -> Self {
-        Self { p: self.p + rate.p * h, v: self.v + rate.v * h, dp: self.dp + rate.dp * h, dv: self.dv + rate.dv * h }
-    }
-}
 
 /// A flight followed from time to time: a state costs as much as the way to it from the one before.
 #[derive(Debug, Clone)]
@@ -167,7 +91,7 @@ impl FlightPropagator {
         if self.forces.any() {
             return self.pushed_to(time_s);
         }
-        self.motion = self.motion.after(time_s - self.moved_s, self.drag_per_m, false);
+        self.motion = self.motion.after(time_s - self.moved_s, &Law::with_drag(self.drag_per_m), false);
         self.moved_s = time_s;
         self.motion.p.into()
     }
@@ -257,7 +181,7 @@ impl FlightTrajectory {
     /// time.
     pub fn covariance_at(&self, time_s: f64) -> Matrix6<f64> {
         let start = Motion::new(self.p_WOcm.coords, self.v_WOcm);
-        let motion = start.after(time_s - self.time_s, self.drag_per_m, true);
+        let motion = start.after(time_s - self.time_s, &Law::with_drag(self.drag_per_m), true);
         let mut transition = SMatrix::<f64, 6, 7>::zeros();
         transition.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
         transition.fixed_view_mut::<3, 4>(0, 3).copy_from(&motion.dp);
@@ -301,55 +225,5 @@ impl FlightTrajectory {
     pub fn position_sd_at(&self, time_s: f64) -> f64 {
         let covariance = self.covariance_at(time_s).fixed_view::<3, 3>(0, 0).into_owned();
         covariance.symmetric_eigenvalues().max().max(0.0).sqrt()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn start() -> Motion {
-        Motion::new(Vector3::new(2.6, 2.6, 0.5), Vector3::new(-2.9, -4.0, 3.6))
-    }
-
-    #[test]
-    fn drag_free_motion_is_a_parabola_both_ways() {
-        let closed = start().after(0.7, 0.0, false);
-        let integrated = start().after(0.7, 0.0, true);
-        assert!((closed.p - integrated.p).norm() < 1e-12 && (closed.v - integrated.v).norm() < 1e-12);
-        let back = integrated.after(-0.7, 0.0, false);
-        assert!((back.p - start().p).norm() < 1e-12);
-    }
-
-    #[test]
-    fn integration_agrees_with_tiny_steps_and_runs_backwards() {
-        let coarse = start().after(0.8, 0.2, false);
-        let mut fine = start();
-        for _ in 0..8000 {
-            let rate = fine.rate(0.2, false);
-            let middle = fine.plus(&rate, 5e-5).rate(0.2, false);
-            fine = fine.plus(&middle, 1e-4);
-        }
-        assert!((coarse.p - fine.p).norm() < 1e-7, "{}", (coarse.p - fine.p).norm());
-        let back = coarse.after(-0.8, 0.2, false);
-        assert!((back.p - start().p).norm() < 1e-6, "{}", (back.p - start().p).norm());
-    }
-
-    #[test]
-    fn derivatives_are_those_of_the_motion() {
-        let (elapsed, h) = (0.6, 1e-5);
-        for (drag, i) in [0.08, 0.0].into_iter().flat_map(|drag| (0..4).map(move |i| (drag, i))) {
-            let analytic = start().after(elapsed, drag, true);
-            let at = |sign: f64| {
-                let mut motion = start();
-                if i < 3 {
-                    motion.v[i] += sign * h;
-                }
-                motion.after(elapsed, drag + if i == 3 { sign * h } else { 0.0 }, false)
-            };
-            let (more, less) = (at(1.0), at(-1.0));
-            assert!(((more.p - less.p) / (2.0 * h) - analytic.dp.column(i)).norm() < 1e-6);
-            assert!(((more.v - less.v) / (2.0 * h) - analytic.dv.column(i)).norm() < 1e-6);
-        }
     }
 }

@@ -12,10 +12,9 @@ mod local_flight;
 mod process_noise;
 pub mod ransac;
 mod rotation_consensus;
-mod tumbling;
 
 use catch_body::quantity;
-use nalgebra::{Matrix6, SMatrix, Vector3};
+use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
 pub use aerodynamic_forces::AerodynamicForces;
@@ -24,9 +23,16 @@ pub use flight::{FlightPropagator, FlightTrajectory};
 pub use local_flight::LocalFlight;
 pub use process_noise::ProcessNoise;
 use ransac::Sampling;
-pub use tumbling::inertia_per_kg;
 
 use crate::perception::{ObjectPose, Symmetry};
+
+/// Inertia tensor that rules an object's tumbling; none where ω, or what can be seen of it, is constant.
+pub fn inertia_per_kg(symmetry: &Symmetry) -> Option<Matrix3<f64>> {
+    match symmetry {
+        Symmetry::Finite { inertia_per_kg, .. } => Some(*inertia_per_kg),
+        Symmetry::Axis { .. } | Symmetry::Sphere => None,
+    }
+}
 
 /// Settings of trajectory prediction.
 #[quantity::checked(default, deny_unknown_fields)]

@@ -1,15 +1,16 @@
 //! Random sample consensus over flights through two poses (paper, III-B; Fischler and Bolles, 1981).
 
-use catch_body::dynamics::gravity;
+use catch_body::{
+    dynamics::gravity,
+    free_flight::ballistic::{Law, Motion},
+};
 use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::{
-    Config, FlightTrajectory, INLIER_M, PredictionStatus, WINDOW,
-    flight::Motion,
+    Config, FlightTrajectory, INLIER_M, PredictionStatus, WINDOW, inertia_per_kg,
     rotation_consensus::{Orientation, agree_on_rotation},
-    tumbling,
 };
 use crate::perception::{ObjectPose, Symmetry};
 
@@ -150,7 +151,7 @@ fn through(
     if config.drag_per_m() != 0.0 {
         // Flown backwards from the later pose, the flight must meet the earlier one.
         for _ in 0..3 {
-            let missed = Motion::new(p2, v_WOcm).after(-elapsed_s, config.drag_per_m(), false).p - p1;
+            let missed = Motion::new(p2, v_WOcm).after(-elapsed_s, &Law::with_drag(config.drag_per_m()), false).p - p1;
             v_WOcm += missed / elapsed_s;
         }
     }
@@ -163,7 +164,7 @@ fn through(
         w_WO,
         drag_per_m: config.drag_per_m(),
         spin_decay_per_s: config.aerodynamics.spin_decay_per_s,
-        inertia_per_kg: tumbling::inertia_per_kg(symmetry).filter(|_| rotation == Rotation::Free),
+        inertia_per_kg: inertia_per_kg(symmetry).filter(|_| rotation == Rotation::Free),
         systematic_sd_m: config.systematic_sd_m,
         process_noise: config.process_noise,
         inliers: 2,
@@ -185,7 +186,7 @@ fn each_position<'a>(
     for pose in poses {
         let elapsed_s = pose.capture_s - time_s;
         if elapsed_s.is_finite() {
-            motion = motion.after(elapsed_s, flight.drag_per_m, false);
+            motion = motion.after(elapsed_s, &Law::with_drag(flight.drag_per_m), false);
             time_s = pose.capture_s;
         }
         visit(pose, &motion.p);

@@ -6,9 +6,10 @@
 //! at all other poses. The best sample has the least sum of truncated squares (MSAC; Torr and Zisserman,
 //! 2000).
 
+use catch_body::free_flight::tumbling::Tumbling;
 use nalgebra::UnitQuaternion;
 
-use super::{Config, FlightTrajectory, tumbling::Tumbling};
+use super::{Config, FlightTrajectory};
 use crate::perception::{ObjectPose, Symmetry};
 
 /// Longest time in seconds between the two poses of a sample: even at 25 rad/s the shortest turn is the one

@@ -1,13 +1,13 @@
 //! Contribution of one flight to the equations of all cameras: residuals, derivatives, and the elimination of
 //! the flight's own parameters.
 
-use catch_body::Pose;
+use catch_body::{
+    Pose, dynamics,
+    free_flight::ballistic::{Law, Motion},
+};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Point3, SMatrix, Vector3};
 
-use super::{
-    Sighting,
-    motion::{Law, Motion},
-};
+use super::Sighting;
 use crate::CAMERA_PARAMETERS;
 
 /// Parameters of each camera: those of [`CAMERA_PARAMETERS`], and the registration's offset.
@@ -100,6 +100,16 @@ pub struct Priors {
     pub offset_sd_m: Vector3<f64>,
 }
 
+/// The law of motion where the vertical is off by these rotations about x and y of W: g + θ × g. Of the
+/// motion's parameters they are the last two.
+pub fn law(drag_per_m: f64, [x, y]: [f64; 2]) -> Law<6> {
+    let g = dynamics::gravity();
+    let mut by_others = SMatrix::<f64, 3, 6>::zeros();
+    by_others.set_column(4, &Vector3::x().cross(&g));
+    by_others.set_column(5, &Vector3::y().cross(&g));
+    Law { drag_per_m, gravity: g + Vector3::new(x, y, 0.0).cross(&g), by_others }
+}
+
 impl FlightState {
     /// The flight near whose parabola most sightings lie.
     pub fn new(mut seen: Vec<Seen>, cameras: &[CameraState]) -> Option<Self> {
@@ -141,7 +151,7 @@ impl FlightState {
 
     /// Residuals and derivatives of all sightings.
     pub fn rows(&self, cameras: &[CameraState], tilt_rad: [f64; 2]) -> Vec<Row> {
-        let law = Law { drag_per_m: self.drag_per_m, tilt_rad };
+        let law = law(self.drag_per_m, tilt_rad);
         let start = (0.0, Motion::new(self.p_W, self.v_W));
         let mut rows = Vec::with_capacity(self.seen.len());
         let (mut before, mut after) = (start, start);
@@ -150,7 +160,7 @@ impl FlightState {
             let camera = &cameras[it.sighting.camera];
             let time_s = it.sighting.capture_s + camera.time_offset_s - self.epoch_s;
             let reached = if time_s < 0.0 { &mut before } else { &mut after };
-            *reached = (time_s, reached.1.after(time_s - reached.0, &law));
+            *reached = (time_s, reached.1.after(time_s - reached.0, &law, true));
             rows.push(self.row(it, camera, &reached.1));
         }
         rows
@@ -158,7 +168,7 @@ impl FlightState {
 
     /// The sighting (1 + s)·q + b with q = X_CW·p(t) and the registration's offset b. A camera that moves by
     /// exp(ω, v) sees q + q × ω − v.
-    fn row(&self, it: &Seen, camera: &CameraState, motion: &Motion) -> Row {
+    fn row(&self, it: &Seen, camera: &CameraState, motion: &Motion<6>) -> Row {
         let q = camera.X_WC.inverse_transform_point(&motion.p.into()).coords;
         let scale = 1.0 + camera.depth_scale;
         let R_CW = camera.X_WC.rotation.inverse().to_rotation_matrix();

@@ -103,40 +103,17 @@ fn the_files_are_the_same_for_any_number_of_threads_however_often_it_is_killed_a
     let again: Value = serde_json::from_str(&stdout(&output)).unwrap();
     assert_eq!(again["cells"], document["cells"]);
 
-    // In two parts, given in the wrong order.
-    assert!(eval(&at("b"), &["--first", "2", "--trials", "1"]).status.success());
+    // In two parts, whose logs become one.
     assert!(eval(&at("a"), &["--first", "0", "--trials", "2"]).status.success());
-    let merge = |parts: &[&str], out: &str| {
-        let parts: Vec<_> = parts.iter().map(|it| at(it).to_str().unwrap().to_owned()).collect();
-        let out = at(out).to_str().unwrap().to_owned();
-        let mut arguments = vec!["eval", "--merge"];
-        arguments.extend(parts.iter().map(String::as_str));
-        arguments.extend(["--out", &out, "--json"]);
-        catchingbot(&arguments)
-    };
-    let output = merge(&["b", "a"], "merged");
-    assert!(output.status.success(), "{}", stderr(&output));
-    assert_eq!(whole, files(&at("merged")));
-    let merged: Value = serde_json::from_str(&stdout(&output)).unwrap();
-    assert_eq!(merged["cells"], document["cells"]);
-    assert!(at("merged").join("report.html").is_file());
-
-    assert!(eval(&at("other"), &["--first", "2", "--trials", "1", "--seed", "2"]).status.success());
-    for (parts, out, hint) in [
-        (&["a", "a"][..], "m", "first"),
-        (&["a", "other"], "m", "seed"),
-        (&["a", "nowhere"], "m", "evaluation.toml"),
-        (&["a", "b"], "merged", "holds results"),
-    ] {
-        let output = merge(parts, out);
-        assert_eq!(output.status.code(), Some(2), "{parts:?}: {}", stderr(&output));
-        assert!(stderr(&output).contains(hint), "{parts:?}: {}", stderr(&output));
-    }
-    fs::write(at("b").join("trials.jsonl"), text.lines().next().unwrap()).unwrap();
-    let output = merge(&["a", "b"], "m");
-    assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("--resume"), "{}", stderr(&output));
-    assert!(!at("m").exists(), "nothing is written of what cannot be merged");
+    assert!(eval(&at("b"), &["--first", "2", "--trials", "1"]).status.success());
+    let first = rows(&at("a"));
+    fs::write(at("a").join("trials.jsonl"), first.clone() + &rows(&at("b"))).unwrap();
+    assert!(eval(&at("a"), &["--trials", "3", "--resume"]).status.success());
+    assert_eq!(whole, files(&at("a")));
+    fs::write(at("a").join("trials.jsonl"), first.clone() + &first).unwrap();
+    let output = eval(&at("a"), &["--trials", "4", "--resume"]);
+    assert_eq!(output.status.code(), Some(2), "a throw twice: {}", stderr(&output));
+    assert!(stderr(&output).contains("trials.jsonl: line 5"), "{}", stderr(&output));
 
     read_by_python(&at("one"));
 }

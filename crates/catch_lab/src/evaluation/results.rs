@@ -3,8 +3,8 @@
 //! While it runs there is a log, one line of JSON per trial, written as soon as it and all before it are
 //! done, and a file beside it that says what is evaluated. What a run was killed in the middle of is gone;
 //! everything before it stays. When all trials are done the log becomes a table ([`trial_table`]) and a
-//! summary for people. Evaluations of parts can be merged; the union is what one evaluation would have
-//! written, byte for byte.
+//! summary for people. Evaluations of parts are put together by their logs; with those all done the rest is
+//! what one evaluation would have written, byte for byte.
 
 use std::{
     collections::BTreeSet,
@@ -63,7 +63,9 @@ impl Results {
         let lock = WorkLock::take(folder)?;
         if folder.join(IDENTITY_FILE).exists() {
             if !resume {
-                return Err(holds_results(folder, "--resume to go on with them, or another folder"));
+                let found = format!("`{}`, which holds results", folder.display());
+                let expected = "--resume to go on with them, or another folder";
+                return Err(InputError::new(COMMAND_LINE, "--out", found, expected));
             }
             check_identity(&folder.join(IDENTITY_FILE), &identity)?;
         } else if let Some(file) = [TRIALS_FILE, REPORT_FILE].into_iter().find(|it| folder.join(it).exists()) {
@@ -71,7 +73,7 @@ impl Results {
             let expected = "a folder without: what it is of is not known";
             return Err(InputError::new(COMMAND_LINE, "--out", found, expected));
         } else {
-            write_identity(folder, &identity)?;
+            whole_file::write(&folder.join(IDENTITY_FILE), identity_text(&identity)?)?;
         }
         let path = folder.join(TRIALS_FILE);
         let (rows, bytes) = read_rows(&path, &identity)?;
@@ -106,7 +108,10 @@ impl Results {
     /// # Errors
     /// If they cannot be written; the log stays.
     pub fn finish(&self, rows: &[Row]) -> Result<(), InputError> {
-        write_tables(&self.folder, &self.identity, rows)
+        let Self { folder, identity, .. } = self;
+        trial_table::write(folder, rows, &identity_text(identity)?)?;
+        let summary = summary_table::markdown(identity, &identity.summarize(rows));
+        whole_file::write(&folder.join(SUMMARY_FILE), summary)
     }
 }
 
@@ -148,66 +153,11 @@ impl Drop for WorkLock {
     }
 }
 
-fn write_tables(folder: &Path, identity: &Identity, rows: &[Row]) -> Result<(), InputError> {
-    trial_table::write(folder, rows, &identity_text(identity)?)?;
-    let summary = summary_table::markdown(identity, &identity.summarize(rows));
-    whole_file::write(&folder.join(SUMMARY_FILE), summary)
-}
-
-fn write_identity(folder: &Path, identity: &Identity) -> Result<(), InputError> {
-    make_writable(folder, "--out")?;
-    let text = identity_text(identity)?;
-    whole_file::write(&folder.join(IDENTITY_FILE), text)
-}
-
 /// Writes an evaluation's identity as TOML, the language of scenarios; unlike JSON it has infinity.
 fn identity_text(identity: &Identity) -> Result<String, InputError> {
     toml::to_string(identity).map_err(|fault| {
         InputError::new(COMMAND_LINE, "the evaluation", fault, "a seed and a scenario that can be written as TOML")
     })
-}
-
-fn holds_results(folder: &Path, expected: &str) -> InputError {
-    InputError::new(COMMAND_LINE, "--out", format!("`{}`, which holds results", folder.display()), expected)
-}
-
-/// Puts the results of parts together in `out`; returns what was evaluated and all rows.
-///
-/// # Errors
-/// Parts of different evaluations, parts that are not complete, that leave gaps or that overlap; a folder
-/// that holds results or cannot be written.
-pub fn merge(folders: &[PathBuf], out: &Path) -> Result<(Identity, Vec<Row>), InputError> {
-    if out.join(IDENTITY_FILE).exists() || out.join(TRIALS_FILE).exists() {
-        return Err(holds_results(out, "a folder without"));
-    }
-    let mut parts = Vec::new();
-    for folder in folders {
-        let (identity, rows) = read(folder)?;
-        parts.push((identity, rows, folder.join(TRIALS_FILE), folder));
-    }
-    parts.sort_by_key(|(identity, ..)| identity.first);
-    let Some((whole, ..)) = parts.first() else {
-        return Err(InputError::new(COMMAND_LINE, "DIR", "nothing", "the folders of the parts"));
-    };
-    let whole = whole.clone();
-    let (mut next, mut all, mut logs) = (whole.first, Vec::new(), Vec::new());
-    for (identity, rows, log, folder) in parts {
-        let file = folder.join(IDENTITY_FILE).display().to_string();
-        compare(&file, &identity, &Identity { first: identity.first, ..whole.clone() })?;
-        if identity.first != next {
-            let expected = format!("{next}, where the part before it ends: no gap and no throw twice");
-            return Err(InputError::new(&file, "first", identity.first, expected));
-        }
-        next += (rows.len() / whole.cells.len()) as u64;
-        all.extend(rows);
-        logs.push(log);
-    }
-    write_identity(out, &whole)?;
-    whole_file::replace(&out.join(TRIALS_FILE), "a place to write to", |out| {
-        logs.iter().try_for_each(|log| io::copy(&mut File::open(log)?, out).map(drop))
-    })?;
-    write_tables(out, &whole, &all)?;
-    Ok((whole, all))
 }
 
 /// Reads complete results: what was evaluated, and all rows.

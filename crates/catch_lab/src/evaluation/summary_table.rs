@@ -11,7 +11,6 @@ use crate::{
         cell_summary::CellSummary,
         published::{published_rate, published_rates},
     },
-    trial::stopwatch::StageTimes,
 };
 
 /// Headings of the columns.
@@ -107,13 +106,4 @@ pub fn markdown(identity: &Identity, cells: &[CellSummary]) -> String {
     }
     text + "\n\"caught\": held to the end, no limit broken by a command; \"within 2.5 cm\": the paper's measure, which looks at one axis \
             at 0.875 s; \"paper's Table I\": what it published by that measure, its fixed throws, without limits on the arm.\n"
-}
-
-/// The times of the stages in Markdown.
-pub fn times_markdown<'a>(stages: impl IntoIterator<Item = (&'a str, StageTimes)>) -> String {
-    let mut text = "| stage | p50 | p99 | max |\n| --- | ---: | ---: | ---: |\n".to_owned();
-    for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in stages {
-        let _ = writeln!(text, "| {stage} | {p50_ms:.2} ms | {p99_ms:.2} ms | {max_ms:.1} ms |");
-    }
-    text
 }

@@ -13,7 +13,7 @@ use catch_lab::{
         Row,
         cell_summary::CellSummary,
         published::{published_rate, published_rates},
-        summary_table::repeated_throws,
+        summary_table::{HEADINGS, NUMBERS, lines, repeated_throws},
     },
     referee::{LEADS_S, Measures},
     trial::stopwatch::{StageTimes, Stopwatch},
@@ -63,11 +63,6 @@ fn name_of(cell: &CellSummary) -> String {
 
 fn percent(fraction: f64) -> String {
     format!("{:.1} %", fraction * 100.0)
-}
-
-/// An interval of shares, where throws differ.
-fn interval(wilson95: Option<[f64; 2]>) -> String {
-    wilson95.map_or("same throw".to_owned(), |[low, high]| format!("{:.1} – {}", low * 100.0, percent(high)))
 }
 
 fn head(report: &Report) -> String {
@@ -232,30 +227,12 @@ fn hills(laps_ms: impl Iterator<Item = (f64, usize)>, scale: &Scale) -> Vec<Mark
 }
 
 fn table(report: &Report) -> String {
-    let mut html = "<h2>In numbers</h2><div class=\"scroll\"><table><tr><th>object</th><th>throw</th><th class=\"n\">trials</th>\
-                    <th class=\"n\">caught</th><th class=\"n\">95 %</th><th class=\"n\">out of reach</th><th class=\"n\">within 2.5 cm</th><th class=\"n\">paper</th>\
-                    <th class=\"n\">joint travel</th><th class=\"n\">limits broken</th></tr>\n"
-        .to_owned();
-    let rates = published_rates();
-    for cell in report.cells {
-        let fraction = |count: usize| percent(count as f64 / cell.trials.max(1) as f64);
-        let numbers = [
-            cell.trials.to_string(),
-            fraction(cell.caught),
-            interval(cell.wilson95),
-            cell.out_of_reach.map_or("–".to_owned(), |count| count.to_string()),
-            fraction(cell.caught_paper),
-            published_rate(&rates, cell).map_or("–".to_owned(), percent),
-            cell.median_joint_travel_rad.map_or("–".to_owned(), |it| format!("{it:.2} rad")),
-            cell.limit_violations.to_string(),
-        ];
-        let numbers: String = numbers.iter().map(|it| format!("<td class=\"n\">{it}</td>")).collect();
-        let _ = writeln!(
-            html,
-            "<tr><td>{}</td><td>{}</td>{numbers}</tr>",
-            text_in_html(&cell.object),
-            text_in_html(&cell.throw)
-        );
-    }
-    html + "</table></div>\n"
+    let row = |tag: &str, cells: &[String]| {
+        let class = |i: usize| if NUMBERS.contains(&i) { " class=\"n\"" } else { "" };
+        let cell = |(i, it): (usize, &String)| format!("<{tag}{}>{}</{tag}>", class(i), text_in_html(it));
+        format!("<tr>{}</tr>\n", cells.iter().enumerate().map(cell).collect::<String>())
+    };
+    let lines: String = lines(report.cells).iter().map(|it| row("td", it)).collect();
+    let headings = row("th", &HEADINGS.map(str::to_owned));
+    format!("<h2>In numbers</h2><div class=\"scroll\"><table>{headings}{lines}</table></div>\n")
 }

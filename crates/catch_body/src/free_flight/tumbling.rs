@@ -8,12 +8,13 @@
 
 use nalgebra::{Matrix3, Quaternion, SMatrix, UnitQuaternion, Vector3};
 
-use crate::perception::Symmetry;
+use crate::pose::left_jacobian;
 
 /// Orientation of a freely rotating object, and how it depends on the orientation and the angular momentum at
 /// the start.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Tumbling {
+pub struct Tumbling {
+    /// Orientation in W.
     pub R_WO: UnitQuaternion<f64>,
     /// Angular momentum per mass in W.
     pub momentum: Vector3<f64>,
@@ -21,9 +22,10 @@ pub(super) struct Tumbling {
     inverse: Matrix3<f64>,
     /// True if ω stays constant.
     steady: bool,
-    /// Decay c of the momentum in 1/s, the time since the start, and what is left of the momentum by now.
+    /// Decay c of the momentum in 1/s, and the time since the start.
     decay_per_s: f64,
     elapsed_s: f64,
+    /// What is left of the momentum by now.
     pub left: f64,
     /// ∂θ/∂(θ₀, L), rotation vectors in W.
     by_start: SMatrix<f64, 3, 6>,
@@ -33,14 +35,6 @@ pub(super) struct Tumbling {
 const STEP_RAD: f64 = 0.1;
 /// Most steps, so that absurd spins cost no more than wrong answers.
 const MAX_STEPS: usize = 1000;
-
-/// Inertia tensor that rules an object's tumbling; none where ω, or what can be seen of it, is constant.
-pub fn inertia_per_kg(symmetry: &Symmetry) -> Option<Matrix3<f64>> {
-    match symmetry {
-        Symmetry::Finite { inertia_per_kg, .. } => Some(*inertia_per_kg),
-        Symmetry::Axis { .. } | Symmetry::Sphere => None,
-    }
-}
 
 impl Tumbling {
     /// The state with orientation `R_WO` and angular velocity `w_WO`. Without an inertia tensor ω stays as it
@@ -139,23 +133,15 @@ impl Tumbling {
         state
     }
 
-    /// The state after turning at a steady rate: R → exp(ωt)·R, so δθ → exp(ωt)·δθ + t·J(ωt)·δω with
-    /// J(φ) = ∫₀¹ exp(sφ) ds = 1 + (1 − cos φ)/φ²·[φ]ₓ + (φ − sin φ)/φ³·[φ]ₓ².
+    /// The state after turning at a steady rate: R → exp(ωt)·R, so δθ → exp(ωt)·δθ + t·J(ωt)·δω.
     fn after_turning(&self, duration_s: f64, with_derivatives: bool) -> Self {
         let turn = UnitQuaternion::from_scaled_axis(self.momentum * duration_s);
         let mut state = *self;
         state.R_WO = turn * self.R_WO;
         if with_derivatives {
-            let vector = self.momentum * duration_s;
-            let (angle, cross) = (vector.norm(), vector.cross_matrix());
-            let (first, second) = if angle > 1e-3 {
-                ((1.0 - libm::cos(angle)) / (angle * angle), (angle - libm::sin(angle)) / angle.powi(3))
-            } else {
-                (0.5, 1.0 / 6.0)
-            };
             state.by_start = turn.to_rotation_matrix().matrix() * self.by_start;
             let mut by_rate = state.by_start.fixed_view_mut::<3, 3>(0, 3);
-            by_rate += (Matrix3::identity() + cross * first + cross * cross * second) * (duration_s * self.left);
+            by_rate += left_jacobian(&(self.momentum * duration_s)) * (duration_s * self.left);
         }
         state
     }
