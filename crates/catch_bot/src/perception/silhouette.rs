@@ -438,6 +438,23 @@ mod tests {
         (synthetic::reference(&Shape::Sphere { radius: radius_m }, 200), silhouette)
     }
 
+    /// However far the object moves towards the camera, rays pass it where they would if it was looked for anew.
+    #[test]
+    fn rays_follow_the_object_along_them() {
+        let (reference, mut silhouette) = grown(0);
+        silhouette.find(&reference, &Pose::identity());
+        for moved_m in [0.002, 0.02, 0.06] {
+            let X_WO = Pose::translation(0.0, 0.0, -moved_m);
+            let mut anew = silhouette.clone();
+            anew.find(&reference, &X_WO);
+            silhouette.follow(&reference, &X_WO, moved_m, f64::INFINITY);
+            for (followed, found) in silhouette.rays.iter().zip(&anew.rays) {
+                let [followed_m, found_m] = [followed, found].map(|it| it.distance_m);
+                assert!((followed_m - found_m).abs() < 1e-4, "{moved_m}: {followed_m} {found_m}");
+            }
+        }
+    }
+
     /// A ball that seems too large is no nearer where edges may grow.
     #[test]
     fn growth_is_told_from_nearness() {
