@@ -109,11 +109,27 @@ pub fn markdown(identity: &Identity, cells: &[CellSummary]) -> String {
             at 0.875 s; \"paper's Table I\": what it published by that measure, its fixed throws, without limits on the arm.\n"
 }
 
+/// A time in milliseconds with its unit, in microseconds where it is short.
+pub fn shown_ms(ms: f64) -> String {
+    if ms < 0.01 { format!("{:.1} µs", ms * 1e3) } else { format!("{ms:.2} ms") }
+}
+
 /// The times of the stages in Markdown.
 pub fn times_markdown<'a>(stages: impl IntoIterator<Item = (&'a str, StageTimes)>) -> String {
     let mut text = "| stage | p50 | p99 | max |\n| --- | ---: | ---: | ---: |\n".to_owned();
     for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in stages {
-        let _ = writeln!(text, "| {stage} | {p50_ms:.2} ms | {p99_ms:.2} ms | {max_ms:.1} ms |");
+        let _ = writeln!(text, "| {stage} | {} | {} | {max_ms:.1} ms |", shown_ms(p50_ms), shown_ms(p99_ms));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_time_is_shown_as_zero() {
+        let shown = [0.00042, 0.0099, 0.01, 12.345].map(shown_ms);
+        assert_eq!(shown, ["0.4 µs", "9.9 µs", "0.01 ms", "12.35 ms"]);
+    }
 }
