@@ -173,8 +173,8 @@ impl<'a> Urdf<'a> {
     }
 }
 
-/// Elements of a URDF file that say nothing to an arm of this program, by their names; `used` names those that
-/// an import reads besides.
+/// Elements of a URDF file that say nothing to an arm of this program, by their names; `used` names those
+/// that an import reads besides.
 ///
 /// What only draws the robot is not among them, and a file that cannot be parsed has none.
 pub fn ignored_elements(text: &str, used: &[&str]) -> Vec<String> {
