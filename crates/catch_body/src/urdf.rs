@@ -100,7 +100,7 @@ impl<'a> Urdf<'a> {
     /// Reads the links and joints of a robot.
     ///
     /// # Errors
-    /// An element without a name, two of one name, a joint without a parent or a child.
+    /// An element without a name, two of one name, a joint whose parent or child is missing.
     pub fn read(document: &'a Document) -> Result<Self, InputError> {
         let (file, root) = (document.file(), document.root());
         let name = root.attribute("name").unwrap_or_default().to_owned();
@@ -128,6 +128,20 @@ impl<'a> Urdf<'a> {
                     return Err(element.fault("child", found, "a link of its own for each joint"));
                 }
                 urdf.joints.entry(parent).or_default().push(element);
+            }
+        }
+        for (parent, joints) in &urdf.joints {
+            for joint in joints {
+                let child = joint.required("child")?.text("link")?;
+                if let Some((of, missing)) =
+                    [("parent", *parent), ("child", child)].into_iter().find(|it| !urdf.links.contains_key(it.1))
+                {
+                    return Err(joint.fault(
+                        of,
+                        format!("the link `{missing}`, which is not there"),
+                        "the name of a link",
+                    ));
+                }
             }
         }
         Ok(urdf)
@@ -159,10 +173,11 @@ impl<'a> Urdf<'a> {
     }
 }
 
-/// Elements of a URDF file that say nothing to an arm of this program, by their names.
+/// Elements of a URDF file that say nothing to an arm of this program, by their names; `used` names those
+/// that an import reads besides.
 ///
 /// What only draws the robot is not among them, and a file that cannot be parsed has none.
-pub fn ignored_elements(text: &str) -> Vec<String> {
+pub fn ignored_elements(text: &str, used: &[&str]) -> Vec<String> {
     let Ok(document) = Document::from_xml("robot.urdf", text, EXPECTED) else { return Vec::new() };
     let read: [(&str, &[&str]); 4] = [
         ("robot", &["link", "joint", "material"]),
@@ -176,13 +191,22 @@ pub fn ignored_elements(text: &str) -> Vec<String> {
             ignored.push(said);
         }
     };
-    for parent in document.root().descendants() {
+    let root = document.root();
+    let parts = || root.children("link").chain(root.children("joint"));
+    for parent in std::iter::once(root).chain(parts()).chain(parts().flat_map(|it| it.children("inertial"))) {
         let known = read.iter().find(|(name, _)| *name == parent.name()).map(|(_, known)| known);
-        let unknown = known.into_iter().flat_map(|known| parent.elements().filter(|it| !known.contains(&it.name())));
+        let unknown = known
+            .into_iter()
+            .flat_map(|known| parent.elements().filter(|it| !known.contains(&it.name()) && !used.contains(&it.name())));
         unknown.for_each(|node| add(format!("<{}> in <{}>", node.name(), parent.name())));
     }
-    if document.root().descendants().any(|it| it.name() == "dynamics" && it.has("friction")) {
-        add("friction of <dynamics>".to_owned());
+    for node in document.root().descendants() {
+        if node.name() == "dynamics" && node.attribute("friction").is_some_and(|it| it.parse() != Ok(0.0)) {
+            add("friction of <dynamics>".to_owned());
+        }
+        if node.name() == "param" && node.attribute("name").is_some_and(|it| matches!(it, "min" | "max")) {
+            add("min and max of <ros2_control>".to_owned());
+        }
     }
     ignored
 }

@@ -9,6 +9,7 @@ use std::{
 use anyhow::Context;
 use catch_cell::LimitViolation;
 use catch_lab::{
+    evaluation::summary_table,
     recording::recorded_throw::{RecordedThrow, record},
     referee::{Measures, Verdict, reason::Reason},
     scenario::{
@@ -202,8 +203,8 @@ fn summary(setup: &Setup, scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatc
     )?;
     limits(verdict)?;
     for (stage, times) in stopwatch.summary() {
-        let usual = if times.p50_ms < 0.01 { "under 0.01".to_owned() } else { format!("{:.2}", times.p50_ms) };
-        screen::fact(stage, &format!("{usual} ms (median), {:.2} ms at most", times.max_ms))?;
+        let [usual, most] = [times.p50_ms, times.max_ms].map(summary_table::shown_ms);
+        screen::fact(stage, &format!("{usual} (median), {most} at most"))?;
     }
     screen::fact("recording", &recording.display().to_string())
 }

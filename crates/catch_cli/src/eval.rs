@@ -295,7 +295,14 @@ fn print(cells: &[CellSummary], times: &Times, stopwatch: &Stopwatch, folder: &P
         screen::line(&format!("  {repeated}"))?;
     }
     for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in stopwatch.summary() {
-        screen::fact(stage, &format!("p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms, max {max_ms:.1} ms"))?;
+        screen::fact(
+            stage,
+            &format!(
+                "p50 {}, p99 {}, max {max_ms:.1} ms",
+                summary_table::shown_ms(p50_ms),
+                summary_table::shown_ms(p99_ms)
+            ),
+        )?;
     }
     screen::fact("report", &screen::command(&["view", &folder.to_string_lossy()]))?;
     screen::fact("results", &folder.join(PARQUET_FILE).display().to_string())

@@ -110,6 +110,7 @@ struct Document {
     left_out: Vec<String>,
     capsules: usize,
     unread: Vec<String>,
+    ignored: Vec<String>,
     assumed: Vec<Assumption>,
     ready_rad: Vec<f64>,
     /// `None` if it was not asked for.
@@ -231,6 +232,7 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
             left_out: chain.left_out.clone(),
             capsules: robot.capsules.len(),
             unread,
+            ignored: imported.ignored.clone(),
             assumed,
             ready_rad: robot.ready_q.iter().take(robot.dof()).copied().collect(),
             reach,
@@ -257,6 +259,9 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
     }
     if unread.len() > MOST_FAULTS {
         screen::fact("not read", &format!("{} more shapes", unread.len() - MOST_FAULTS))?;
+    }
+    if !imported.ignored.is_empty() {
+        screen::fact("ignored", &imported.ignored.join(", "))?;
     }
     screen::fact("assumed", &format!("{} values that no file says", assumed.len()))?;
     if let Some(Reach { within_reach, throws }) = &reach {

@@ -145,7 +145,8 @@ fn notes_of_arm(robot: &Robot) -> Vec<String> {
 fn notes_of_robot(asset: &Asset) -> Vec<String> {
     let mut notes: Vec<String> = robot_of(asset).iter().flat_map(notes_of_arm).collect();
     notes.extend(notes_of_assumptions(asset));
-    let ignored = asset.read_text_beside("robot.urdf").map(|(_, urdf)| ignored_elements(&urdf)).unwrap_or_default();
+    let ignored =
+        asset.read_text_beside("robot.urdf").map(|(_, urdf)| ignored_elements(&urdf, &[])).unwrap_or_default();
     if !ignored.is_empty() {
         notes.push(format!("robot.urdf: ignored are {}", ignored.join(", ")));
     }

@@ -151,6 +151,30 @@ fn parse_pcd(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
         let line = lines.iter().find(|line| line.split_whitespace().next() == Some(key));
         line.map(|line| line.split_whitespace().skip(1).collect()).unwrap_or_default()
     };
+    let columns = pcd_columns(file, entry)?;
+    let points = entry("POINTS");
+    let number = |key| entry(key).first().and_then(|count| count.parse::<usize>().ok());
+    let rows = number("POINTS");
+    let rows = rows.ok_or_else(|| fault("POINTS", points.first().unwrap_or(&"none"), "a number of points"))?;
+    if let (Some(width), Some(height)) = (number("WIDTH"), number("HEIGHT"))
+        && width.checked_mul(height) != Some(rows)
+    {
+        return Err(fault("POINTS", &rows.to_string(), &format!("WIDTH · HEIGHT, {width} · {height}")));
+    }
+    let encoding = match entry("DATA")[..] {
+        ["ascii"] => Encoding::Text,
+        ["binary"] => Encoding::LittleEndian,
+        _ => {
+            let found = format!("`{}`", entry("DATA").join(" "));
+            return Err(fault("DATA", &found, "ascii or binary, not compressed"));
+        }
+    };
+    points_in_columns(Numbers { file, encoding, bytes, at }, &columns, rows)
+}
+
+/// Columns of a PCD file, as the entries of its header say.
+fn pcd_columns<'a>(file: &str, entry: impl Fn(&str) -> Vec<&'a str>) -> Result<Vec<(&'a str, Number)>, InputError> {
+    let fault = |field: &str, found: &str, expected: &str| InputError::new(file, field, found, expected);
     let (names, sizes, kinds, counts) = (entry("FIELDS"), entry("SIZE"), entry("TYPE"), entry("COUNT"));
     if names.len() != sizes.len() || names.len() != kinds.len() {
         return Err(fault("FIELDS, SIZE, TYPE", "different lengths", "one entry each per column"));
@@ -184,18 +208,7 @@ fn parse_pcd(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
     if !counts.is_empty() && counts.len() != names.len() {
         return Err(fault("COUNT", &format!("{} entries", counts.len()), "one entry per column"));
     }
-    let points = entry("POINTS");
-    let rows = points.first().and_then(|count| count.parse().ok());
-    let rows = rows.ok_or_else(|| fault("POINTS", points.first().unwrap_or(&"none"), "a number of points"))?;
-    let encoding = match entry("DATA")[..] {
-        ["ascii"] => Encoding::Text,
-        ["binary"] => Encoding::LittleEndian,
-        _ => {
-            let found = format!("`{}`", entry("DATA").join(" "));
-            return Err(fault("DATA", &found, "ascii or binary, not compressed"));
-        }
-    };
-    points_in_columns(Numbers { file, encoding, bytes, at }, &columns, rows)
+    Ok(columns)
 }
 
 /// The points of a table; columns are known by their names.
@@ -352,6 +365,10 @@ mod tests {
             (parse_pcd("c.pcd", PCD.replace("TYPE F F F", "TYPE F Q F").as_bytes()), "TYPE: found Q of 4 bytes"),
             (parse_pcd("c.pcd", PCD.replace("COUNT 1 1 1", "COUNT 1 -1 1").as_bytes()), "COUNT: found -1"),
             (parse_pcd("c.pcd", PCD.replace("POINTS 2", "POINTS two").as_bytes()), "POINTS: found two"),
+            (
+                parse_pcd("c.pcd", PCD.replace("WIDTH 2", "WIDTH 1").as_bytes()),
+                "POINTS: found 2, expected WIDTH · HEIGHT",
+            ),
             (parse_xyz("d.xyz", b"a b c\n1 2 3\n"), "line 1: found columns a b c"),
             (parse("a.ply", PLY.replace("vertex 2", "vertex 9").as_bytes(), false), "rows of vertex: found 3"),
             (

@@ -54,6 +54,8 @@ pub struct Link {
     pub friction: Option<f64>,
     /// Coefficient of restitution, if the file says one.
     pub restitution: Option<f64>,
+    /// What the file says of the link's surface besides, each as `name = value`.
+    pub unused: Vec<String>,
     /// The shape for collisions.
     pub collisions: Vec<Geometry>,
     /// The shape for the eye.

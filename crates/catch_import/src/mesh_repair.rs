@@ -12,7 +12,7 @@ use nalgebra::{Point3, Vector3};
 
 use catch_body::TriangleMesh;
 use edges::{Edges, Side};
-use shells::{crossing, drop_specks, face_outwards};
+use shells::{crossing, drop_small, drop_specks, face_outwards};
 
 /// Limits of a repair.
 #[derive(Debug, Clone, Copy)]
@@ -105,6 +105,20 @@ pub enum Defect {
     Flat,
 }
 
+impl Defect {
+    /// What the file should have had, or what helps.
+    pub fn remedy(&self) -> &'static str {
+        match self {
+            Self::Empty | Self::Flat => "the closed surface of a solid",
+            Self::Hole { .. } => "the closed surface of a solid; `--fill-holes METRES` fills wider holes",
+            Self::Edge { .. } => {
+                "one closed surface that faces outwards, without walls inside: unite the parts before (Blender's Boolean \
+                 modifier, `trimesh.boolean.union`)"
+            }
+        }
+    }
+}
+
 impl fmt::Display for Defect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mm = |p: &Point3<f64>| format!("[{:.1}, {:.1}, {:.1}] mm", p.x * 1e3, p.y * 1e3, p.z * 1e3);
@@ -186,6 +200,14 @@ pub fn repaired(soup: &TriangleMesh, limits: &RepairLimits) -> Result<Repaired, 
     } else {
         Err(Defect::Flat)
     }
+}
+
+/// Leaves out the shells of a surface whose volume is less than this fraction of the largest one's; how many.
+pub fn without_specks(mesh: &mut TriangleMesh, least_fraction: f64) -> usize {
+    let (shell_of, _) = orient(&mut mesh.triangles);
+    let dropped = drop_small(mesh, shell_of, least_fraction);
+    mesh.drop_unused_vertices();
+    dropped
 }
 
 /// A surface whose vertices are welded.
@@ -426,6 +448,16 @@ mod tests {
     }
 
     #[test]
+    fn specks_go_and_other_shells_stay() {
+        let mut mesh = cube(0.1);
+        for (size_m, x) in [(0.05, 0.2), (0.01, 0.3), (0.005, -0.2)] {
+            mesh.merge(&cube(size_m).translated(&Vector3::new(x, 0.0, 0.0)));
+        }
+        assert_eq!(without_specks(&mut mesh, 0.05), 2);
+        assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (16, 24));
+    }
+
+    #[test]
     fn what_is_no_solid_is_told() {
         let mut fin = cube(0.1);
         let tip = fin.vertices.len() as u32;
@@ -440,5 +472,11 @@ mod tests {
             assert!(defect.contains(expected), "{defect}");
         }
         assert!(repaired(&fin, &RepairLimits { largest_hole_m: 0.0 }).is_err());
+        // Of two cubes with a face in common one is inside out: no hole is there to be filled.
+        let mut beside = cube(0.1).translated(&Vector3::x().scale(0.1));
+        beside.triangles.iter_mut().for_each(|it| it.swap(0, 1));
+        beside.merge(&cube(0.1));
+        let defect = repaired(&beside, &LIMITS).unwrap_err();
+        assert!(matches!(defect, Defect::Edge { count: 4, .. }) && defect.remedy().contains("unite"), "{defect}");
     }
 }

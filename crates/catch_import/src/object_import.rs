@@ -9,6 +9,7 @@ mod draft;
 mod gltf;
 mod gltf_accessor;
 mod mass;
+mod normal_signs;
 mod scan;
 mod source;
 
@@ -89,10 +90,8 @@ impl ImportedObject {
 
         let limits = RepairLimits { largest_hole_m: options.largest_hole_m.unwrap_or(LARGEST_HOLE * length_m) };
         let surface = std::mem::take(&mut source.surface);
-        let repair = repaired(&surface, &limits).map_err(|defect| {
-            let expected = "the closed surface of a solid; `--fill-holes METRES` fills wider holes";
-            InputError::new(&file, "the surface", defect, expected)
-        })?;
+        let repair = repaired(&surface, &limits)
+            .map_err(|defect| InputError::new(&file, "the surface", defect, defect.remedy()))?;
         drop(surface);
         findings.extend(repair.repairs.iter().map(ToString::to_string));
         let mut mesh = repair.mesh;

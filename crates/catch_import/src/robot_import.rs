@@ -22,7 +22,7 @@ use catch_body::{
     mesh_file::obj_text,
     quantity::{self, Quantity},
     robot::Inertia,
-    robot_file::RobotFiles,
+    robot_file::{RobotFiles, ignored_elements},
     stated::{Assumption, Stated, assumptions},
 };
 use nalgebra::{Point3, Translation3};
@@ -40,6 +40,9 @@ const UNKNOWN_RADIUS_M: f64 = 0.06;
 const LEAST_LENGTH_M: f64 = 0.02;
 /// The file beside a description with what URDF cannot say.
 const LIMITS_FILE: &str = "joint_limits.yaml";
+
+/// Elements that only an import reads.
+const READ_BESIDES: [&str; 3] = ["mimic", "safety_controller", "transmission"];
 
 /// Joints that an error offers.
 const MOST_NAMES: usize = 24;
@@ -70,6 +73,8 @@ pub struct ImportedRobot {
     pub draft: Draft,
     /// Poses from which a search for the best waiting pose can begin, the best first.
     pub starts: Vec<JointVector>,
+    /// Elements of the description that say nothing to an arm.
+    pub ignored: Vec<String>,
 }
 
 impl ImportedRobot {
@@ -128,7 +133,8 @@ impl ImportedRobot {
         draft.ignored_neighbours = poses::ignored_neighbours(&robot, gripper);
         draft.base_height_m = poses::base_height_m(&robot);
         let starts = poses::good_poses(&mounted(&draft)?, gripper, MOST_STARTS);
-        let mut imported = Self { robot: mounted(&draft)?, draft, starts };
+        let ignored = ignored_elements(&text, &READ_BESIDES);
+        let mut imported = Self { robot: mounted(&draft)?, draft, starts, ignored };
         if let Some(&best) = imported.starts.first() {
             imported.draft.comfortable_rad = in_short(&best, dof);
             imported.set_ready(&best)?;

@@ -193,6 +193,13 @@ def test_actuators_state_limits(tmp_path):
     assert [urdf.limit(f"joint_{i}", "velocity") for i in range(1, 7)] == [None, None, 3, None, None, None]
 
 
+def test_what_urdf_has_no_word_for_is_warned_of(tmp_path):
+    text = arm(joint='frictionloss="0.7" stiffness="3"').replace('name="link_4"', 'name="link_4" gravcomp="1"')
+    with pytest.warns(UserWarning, match="stiffness of joint_2; gravcomp of link_4: left out"):
+        urdf = Urdf(convert(mujoco.MjModel.from_xml_string(text), tmp_path / "model"))
+    assert [it.find("dynamics").get("friction") for it in urdf.joints.values() if it.find("dynamics") is not None].count("0.7") == 1
+
+
 def imported(program: Path, kind: str, model: Path, folder: Path) -> subprocess.CompletedProcess[str]:
     """The command that the program names, then the program."""
     refused = subprocess.run([program, kind, "import", model, "--out", folder / "out"], capture_output=True, text=True, check=False)

@@ -65,15 +65,20 @@ fn text(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
             if !is_open {
                 return Err(fault(line.trim(), "`solid` or the end of the file"));
             }
+            let is_right = match WORDS[words.len()] {
+                "#" => word.parse::<f32>().is_ok(),
+                right => is(right),
+            };
+            if !is_right {
+                return Err(fault(line.trim(), FACET));
+            }
             words.push(word);
-            if is("endfacet") {
-                let corners = facet(&words).ok_or_else(|| fault(line.trim(), FACET))?;
+            if words.len() == WORDS.len() {
+                let number = |at: usize| words[at].parse::<f32>().map_or(f64::NAN, f64::from);
                 let first = soup.0.len() as u32;
-                soup.0.extend(corners);
+                soup.0.extend([8, 12, 16].map(|at| [number(at), number(at + 1), number(at + 2)]));
                 soup.1.push([first, first + 1, first + 2]);
                 words.clear();
-            } else if words.len() > WORDS.len() {
-                return Err(fault(line.trim(), FACET));
             }
         }
         if soup.1.len() > MOST_TRIANGLES {
@@ -92,17 +97,6 @@ const WORDS: [&str; 21] = [
     "#", "#", "endloop", "endfacet",
 ];
 const FACET: &str = "facet normal, outer loop, three vertices with numbers, endloop, endfacet";
-
-/// The corners of a facet.
-fn facet(words: &[&str]) -> Option<[[f64; 3]; 3]> {
-    let is_right = |(word, right): (&&str, &&str)| *right == "#" || word.eq_ignore_ascii_case(right);
-    if words.len() != WORDS.len() || !words.iter().zip(&WORDS).all(is_right) {
-        return None;
-    }
-    let number = |at: usize| words[at].parse::<f32>().ok().map(f64::from);
-    let corner = |at: usize| Some([number(at)?, number(at + 1)?, number(at + 2)?]);
-    Some([corner(8)?, corner(12)?, corner(16)?])
-}
 
 #[cfg(test)]
 mod tests {
@@ -134,7 +128,8 @@ mod tests {
             (format!("{one}and more"), "line 10: found `and more`"),
             (one.replace("endsolid a b", ""), "without its end"),
             (one.replace("vertex 0 1 0\n", "vertex 0 1 0\n vertex 0 2 0\n"), "three vertices"),
-            (one.replace("1e0", "one"), "three vertices"),
+            (one.replace("1e0", "one"), "line 5: found `vertex one 0 0`"),
+            (one.replace("outer", "outre"), "line 3: found `outre loop`"),
         ] {
             assert!(count(&text).unwrap_err().contains(expected), "{text}: {:?}", count(&text));
         }

@@ -17,7 +17,7 @@ mod estimator;
 mod global_registration;
 mod half_turns;
 mod known_background;
-mod neighbours;
+pub mod neighbours;
 mod normal_distribution;
 mod normal_equations;
 pub mod point_cloud;

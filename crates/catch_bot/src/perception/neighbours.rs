@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 /// A cloud's points sorted into cubic cells.
 #[derive(Debug, Clone)]
-pub(super) struct PointGrid {
+pub struct PointGrid {
     lowest: Point3<f64>,
     cell_m: f64,
     cells: [usize; 3],
@@ -71,7 +71,7 @@ impl PointGrid {
 }
 
 /// Lowest and highest coordinates of a cloud; the origin twice if it is empty.
-pub(super) fn bounds(points: &[Point3<f64>]) -> (Point3<f64>, Point3<f64>) {
+pub fn bounds(points: &[Point3<f64>]) -> (Point3<f64>, Point3<f64>) {
     let Some(&first) = points.first() else { return (Point3::origin(), Point3::origin()) };
     points.iter().fold((first, first), |(low, high), point| (low.inf(point), high.sup(point)))
 }

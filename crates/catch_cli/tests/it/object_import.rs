@@ -224,6 +224,49 @@ fn a_scan_without_faces_becomes_an_object() {
     assert!(stderr(&output).contains("1 points"), "{}", stderr(&output));
 }
 
+/// A scan in millimetres whose normals are changed row by row.
+fn with_normals(mesh: &TriangleMesh, change: impl Fn(usize, &[f64; 6]) -> [f64; 3]) -> String {
+    let text = cloud(mesh, Some(1.0));
+    let (header, rows) = text.split_once("end_header\n").unwrap();
+    let row = |(i, row): (usize, &str)| {
+        let row: Vec<f64> = row.split_whitespace().map(|it| it.parse().unwrap()).collect();
+        let [nx, ny, nz] = change(i, row[..].try_into().unwrap());
+        format!("{} {} {} {nx} {ny} {nz}\n", row[0], row[1], row[2])
+    };
+    format!("{header}end_header\n{}", rows.lines().enumerate().map(row).collect::<String>())
+}
+
+#[test]
+fn normals_of_mixed_sign_are_turned_and_others_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cup = cup();
+    cup.vertices.iter_mut().for_each(|it| it.coords *= 1e3);
+    let at_random = |i: usize, row: &[f64; 6]| {
+        if i * i * 7 % 11 < 5 { [-row[3], -row[4], -row[5]] } else { [row[3], row[4], row[5]] }
+    };
+    let below =
+        |_: usize, row: &[f64; 6]| if row[2] < 30.0 { [-row[3], -row[4], -row[5]] } else { [row[3], row[4], row[5]] };
+    for (name, mesh, text) in [
+        ("bottle", bottle(), with_normals(&bottle(), at_random)),
+        ("halves", bottle(), with_normals(&bottle(), below)),
+        ("cup", cup.clone(), with_normals(&cup, at_random)),
+    ] {
+        let source = folder.path().join(format!("{name}.ply"));
+        fs::write(&source, text).unwrap();
+        let (said, object) = imported(&source, &folder.path().join(format!("{name}.toml")), &["--mass", "0.1"]);
+        let findings = findings(&said);
+        assert!(findings.contains("normals faced another way than those around them: turned"), "{name}: {findings}");
+        let volume = object.mesh.volume() / (mesh.volume() * 1e-9);
+        assert!((volume - 1.0).abs() < 0.05, "{name}: {volume}: {findings}");
+    }
+    let source = folder.path().join("none.ply");
+    fs::write(&source, with_normals(&bottle(), |i, _| [i % 3, i * i % 7, i * 31 % 5].map(|it| it as f64 - 2.1)))
+        .unwrap();
+    let out = folder.path().join("none");
+    let output = catchingbot(&["object", "import", source.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert!(stderr(&output).contains("none.ply: normals: found directions of which"), "{}", stderr(&output));
+}
+
 /// A cup in metres, its wall and bottom 4 mm thick.
 fn cup() -> TriangleMesh {
     let profile = [[0.0, 0.0], [0.0, 0.035], [0.04, 0.035], [0.04, 0.031], [0.004, 0.031], [0.004, 0.0]];
@@ -274,11 +317,24 @@ fn depth_images_become_an_object() {
     refused("depth_3.png: size: found 2 × 2 pixels, expected the camera's 320 × 240");
     fs::remove_file(source.join("depth_3.png")).unwrap();
     refused("images: found 11 PNG files, expected 12");
-    fs::write(source.join("depth_3.png"), image).unwrap();
+    fs::write(source.join("depth_3.png"), &image).unwrap();
     fs::write(source.join("rig.toml"), depth_scan::RIG.replace("[0.0, 0.0, 0.0]", "[9.0, 0.0, 0.0]")).unwrap();
-    refused("no inside between them");
+    refused("depths: found none within 0.3 m of the origin of R");
     fs::write(source.join("rig.toml"), depth_scan::RIG.replace("radius_m", "radius")).unwrap();
     refused("rig.toml: uv_sphere");
+    // Two images under each other's name, and depths in tenths of a millimetre.
+    fs::write(source.join("rig.toml"), depth_scan::RIG).unwrap();
+    let other = fs::read(source.join("depth_4.png")).unwrap();
+    fs::write(source.join("depth_3.png"), &other).unwrap();
+    fs::write(source.join("depth_4.png"), &image).unwrap();
+    refused("cameras[3] of depth_3.png");
+    refused("cameras[4] of depth_4.png");
+    for i in 0..12 {
+        let path = source.join(format!("depth_{i}.png"));
+        let depths = png::gray16_values("", &fs::read(&path).unwrap(), [320, 240]).unwrap();
+        fs::write(&path, png::gray16(320, 240, &depths.iter().map(|it| it * 10).collect::<Vec<_>>())).unwrap();
+    }
+    refused("(median) from cameras that are 0.500 m away from it, expected depths in millimetres, or `--scale");
 }
 
 /// A flat ring in metres.

@@ -28,7 +28,8 @@ fn joint(name: &str, kind: &str, [parent, child]: [&str; 2], xyz: &str, rest: &s
     )
 }
 
-const TURNS: &str = "<axis xyz=\"0 0 1\"/><limit lower=\"-2\" upper=\"2\" velocity=\"3\" effort=\"80\"/>";
+const TURNS: &str =
+    "<axis xyz=\"0 0 1\"/><limit lower=\"-2\" upper=\"2\" velocity=\"3\" effort=\"80\"/><dynamics friction=\"0.5\"/>";
 const BENDS: &str = "<axis xyz=\"0 1 0\"/><limit lower=\"-2\" upper=\"2\" velocity=\"3\" effort=\"80\"/>";
 
 /// An arm on a stand, with a sensor in a fixed joint, a joint without end, one without torque, and a hand
@@ -63,6 +64,8 @@ fn description() -> String {
         |y: &str| format!("<axis xyz=\"0 {y} 0\"/><limit lower=\"0\" upper=\"0.04\" velocity=\"0.2\" effort=\"20\"/>");
     text += &joint("f1", "prismatic", ["hand", "left"], "0 0 0.06", &slides("1"));
     text += &joint("f2", "prismatic", ["hand", "right"], "0 0 0.06", &(slides("-1") + "<mimic joint=\"f1\"/>"));
+    text += "<ros2_control name=\"c\" type=\"system\"><joint name=\"j1\"><command_interface name=\"position\">\
+             <param name=\"min\">-1</param></command_interface></joint></ros2_control>\n";
     text + "</robot>\n"
 }
 
@@ -118,6 +121,8 @@ fn a_description_becomes_a_robot() {
     assert_eq!((&said["flange"], &said["reach"]), (&Value::from("flange"), &Value::Null));
     assert_eq!(said["taken_off"], serde_json::json!(["hand", "left", "right"]));
     assert!(said["unread"].as_array().unwrap().is_empty(), "{}", said["unread"]);
+    let ignored = ["<ros2_control> in <robot>", "friction of <dynamics>", "min and max of <ros2_control>"];
+    assert_eq!(said["ignored"], serde_json::json!(ignored));
 
     let robot = robot(&out);
     assert_eq!(robot.dof(), 6);
@@ -205,10 +210,19 @@ fn what_cannot_be_imported_is_refused_and_nothing_is_written() {
     fs::write(&xacro, "<robot xmlns:xacro=\"x\"><xacro:include filename=\"a\"/></robot>").unwrap();
     let sliding = folder.path().join("sliding.urdf");
     fs::write(&sliding, text.replace("name=\"j2\" type=\"revolute\"", "name=\"j2\" type=\"prismatic\"")).unwrap();
-    let [xacro, sliding] = [&xacro, &sliding].map(|it| it.to_str().unwrap());
+    let [child, parent] = ["child", "parent"].map(|end| {
+        let path = folder.path().join(format!("{end}.urdf"));
+        fs::write(&path, text.replace(&format!("<{end} link=\"three\"/>"), &format!("<{end} link=\"tree\"/>")))
+            .unwrap();
+        path
+    });
+    let [xacro, sliding, child, parent] = [&xacro, &sliding, &child, &parent].map(|it| it.to_str().unwrap());
     for (arguments, expected) in [
         (vec![xacro], "arm.urdf.xacro > robot.urdf` expands it"),
         (vec![sliding], "`--base two` begins behind it"),
+        (vec![child], "joint j3: child: found the link `tree`, which is not there"),
+        (vec![parent], "joint j4: parent: found the link `tree`, which is not there"),
+        (vec![file, "--base", "four"], "found 2 from four on that move an arm, expected 3 or more revolute joints"),
         (vec![file, "--tip", "nose"], "--tip: found `nose`, expected one of the links base, five"),
         (
             vec![file, "--max-acceleration", "1,2"],

@@ -9,7 +9,7 @@ use super::{
 };
 use catch_body::{InputError, MAX_JOINTS};
 
-/// Least number of joints in a row that are an arm where several branches could go on.
+/// Least number of joints in a row that are an arm.
 const LEAST_ARM_JOINTS: usize = 3;
 /// Number of joints after which a branch is a hand.
 const MOST_JOINTS_BEFORE_A_HAND: usize = 5;
@@ -47,8 +47,11 @@ impl<'a> Tree<'a> {
                 return Err(self.not_of_an_arm(path[i]));
             }
         }
-        if moving.is_empty() {
-            return Err(self.fault("joint", "none that moves an arm", "a serial arm of revolute joints"));
+        if moving.len() < LEAST_ARM_JOINTS {
+            let (found, least) = (moving.len(), LEAST_ARM_JOINTS);
+            let expected =
+                format!("{least} or more revolute joints in a row, without which no hand is brought anywhere");
+            return Err(self.fault("joint", format!("{found} from {base} on that move an arm"), expected));
         }
         if moving.len() > MAX_JOINTS {
             let tip = selection.tip.unwrap_or("the tip");

@@ -131,18 +131,27 @@ fn link(node: Node, name: &str) -> Result<Link, InputError> {
     let visuals = node.children("visual").filter_map(|it| geometry(it, name).transpose()).collect::<Result<_, _>>()?;
     let inertial = node.child("inertial");
     let inertia = inertial.map(|it| inertia(it, name, &parts)).transpose()?.flatten();
-    let frictions: Vec<f64> =
-        node.children("collision").filter_map(friction).map(|it| it.number(FRICTION)).collect::<Result<_, _>>()?;
     let bounces = node.children("collision").flat_map(Node::descendants);
     let bounces = bounces.filter(|it| it.name() == "restitution_coefficient").map(|it| it.number(quantity::FRACTION));
     let restitution = bounces.collect::<Result<Vec<_>, _>>()?.into_iter().reduce(f64::min);
-    Ok(Link { inertia, friction: frictions.into_iter().reduce(f64::min), restitution, collisions, visuals })
+    let (friction, unused) = friction(node)?;
+    Ok(Link { inertia, friction, restitution, unused, collisions, visuals })
 }
 
-/// The friction coefficient of a collision, as Drake has it or, without that, as ODE has it.
-fn friction(collision: Node<'_>) -> Option<Node<'_>> {
-    let named = |name: &str| collision.descendants().find(|it| it.name() == name);
-    named("drake:mu_dynamic").or_else(|| named("mu"))
+/// The least friction coefficient of a link's collisions, as Drake has it or, without that, as ODE has it, or
+/// Bullet; and those that are others.
+fn friction(link: Node<'_>) -> Result<(Option<f64>, Vec<String>), InputError> {
+    let (mut used, mut all) = (None, Vec::new());
+    for names in [&["drake:mu_dynamic"][..], &["mu", "mu2"], &["friction", "friction2"]] {
+        let named = |it: &Node<'_>| names.contains(&it.name()) && !it.text().is_empty();
+        let stated = link.children("collision").flat_map(Node::descendants).filter(named);
+        let stated: Vec<_> =
+            stated.map(|it| Ok((it.name(), it.number(FRICTION)?))).collect::<Result<_, InputError>>()?;
+        used = used.or(stated.iter().map(|it| it.1).reduce(f64::min));
+        all.extend(stated);
+    }
+    let unused = all.into_iter().filter(|it| Some(it.1) != used).map(|(name, value)| format!("{name} = {value}"));
+    Ok((used, unused.collect()))
 }
 
 /// The shapes of collisions, each with its density if it states one.
@@ -281,7 +290,17 @@ mod tests {
         let can = &description.links["can"];
         let inertia = can.inertia.unwrap();
         assert_eq!((inertia.mass, inertia.com, inertia.about_com[(2, 2)]), (0.3, Point3::new(0.0, 0.0, 0.01), 2e-3));
-        assert_eq!((can.friction, can.restitution), (Some(0.4), Some(0.9)));
+        assert_eq!((can.friction, can.restitution, can.unused.len()), (Some(0.4), Some(0.9), 0));
+        let friction = |stated: &str| {
+            let text = CAN.replace("<ode><mu>0.4</mu></ode>", stated);
+            let can = &Description::from_sdf("can.sdf", &text).unwrap().links["can"];
+            (can.friction, can.unused.join(", "))
+        };
+        let bullet = "<bullet><friction>0.7</friction><friction2>0.8</friction2></bullet>";
+        assert_eq!(friction(bullet), (Some(0.7), "friction2 = 0.8".into()));
+        let ode = "<ode><mu>0.9</mu><mu2>0.4</mu2></ode>";
+        let others = "mu = 0.9, friction = 0.7, friction2 = 0.8";
+        assert_eq!(friction(&format!("{ode}{bullet}")), (Some(0.4), others.into()));
         assert_eq!(can.collisions[0].shape, Shape::Cylinder { radius_m: 0.03, length_m: 0.1 });
         let mesh = Shape::Mesh { file: "package://a/can.gltf".into(), scale: Vector3::repeat(1.0) };
         assert_eq!(can.visuals[0].shape, mesh);

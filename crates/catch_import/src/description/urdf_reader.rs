@@ -51,7 +51,7 @@ fn read(file: &str, text: &str) -> Result<Description, InputError> {
     };
     for (name, element) in urdf.links() {
         description.links.insert(name.to_owned(), link(element)?);
-        let joints = urdf.joints_of(name).iter().map(|it| joint(&urdf, it)).collect::<Result<Vec<_>, _>>()?;
+        let joints = urdf.joints_of(name).iter().map(joint).collect::<Result<Vec<_>, _>>()?;
         if !joints.is_empty() {
             description.joints.insert(name.to_owned(), joints);
         }
@@ -99,7 +99,8 @@ fn link(element: &Element) -> Result<Link, InputError> {
     };
     let friction = of_contact("lateral_friction", quantity::FRICTION)?;
     let restitution = of_contact("restitution", quantity::FRACTION)?;
-    Ok(Link { inertia, friction, restitution, collisions: shapes("collision")?, visuals: shapes("visual")? })
+    let (collisions, visuals) = (shapes("collision")?, shapes("visual")?);
+    Ok(Link { inertia, friction, restitution, unused: Vec::new(), collisions, visuals })
 }
 
 fn weighs_something(inertial: &Element) -> Result<bool, InputError> {
@@ -127,11 +128,8 @@ fn geometry(element: &Element) -> Result<Geometry, InputError> {
     Ok(Geometry { X_LS: element.origin(OFFSET_M)?, shape })
 }
 
-fn joint(urdf: &Urdf, element: &Element) -> Result<TreeJoint, InputError> {
+fn joint(element: &Element) -> Result<TreeJoint, InputError> {
     let child = element.required("child")?.text("link")?;
-    if urdf.link(child).is_none() {
-        return Err(element.fault("child link", child, "the name of a link"));
-    }
     let kind = element.text("type")?;
     let limit = element.child("limit")?;
     let number = |name| limit.as_ref().map_or(Ok(None), |it| it.optional(name, NOT_NEGATIVE));

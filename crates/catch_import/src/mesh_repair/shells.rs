@@ -23,9 +23,22 @@ pub(super) fn drop_specks(mesh: &mut TriangleMesh, shell_of: Vec<u32>, size_m: f
         edges.groups().filter(|it| it.len() == 1).map(|it| shell_of[it[0].2 as usize / 3]).collect();
     let shells = Shell::all(mesh, &shell_of);
     specks.retain(|it| (shells[*it as usize].high - shells[*it as usize].low).max() < size_m);
+    leave_out(mesh, shell_of, &specks)
+}
+
+/// Leaves out shells with less volume than this fraction of the largest one's; how many.
+pub(super) fn drop_small(mesh: &mut TriangleMesh, shell_of: Vec<u32>, least_fraction: f64) -> usize {
+    let shells = Shell::all(mesh, &shell_of);
+    let most_m3 = shells.iter().map(|it| it.volume_m3.abs()).fold(0.0, f64::max);
+    let is_small = |it: &(u32, &Shell)| it.1.volume_m3.abs() < least_fraction * most_m3;
+    let small = (0..).zip(&shells).filter(is_small).map(|it| it.0).collect();
+    leave_out(mesh, shell_of, &small)
+}
+
+fn leave_out(mesh: &mut TriangleMesh, shell_of: Vec<u32>, shells: &HashSet<u32>) -> usize {
     let mut numbers = shell_of.into_iter();
-    mesh.triangles.retain(|_| numbers.next().is_none_or(|shell| !specks.contains(&shell)));
-    specks.len()
+    mesh.triangles.retain(|_| numbers.next().is_none_or(|shell| !shells.contains(&shell)));
+    shells.len()
 }
 
 /// Turns shells outwards and leaves out those inside another one; cavities face inwards and stay. How many of

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use catch_body::{InputError, TriangleMesh};
+use catch_body::{InputError, TriangleMesh, statistics::median_in_place};
 use catch_bot::perception::ReferenceModel;
 use catch_cell::{CameraModel, DepthFrame, ReferenceScan, rig_from_toml};
 use nalgebra::Point3;
@@ -33,8 +33,10 @@ const COMPARED: usize = 2_000;
 /// A camera that sees something this much farther looks through what another one sees.
 const THROUGH_M: f64 = 0.01;
 /// Greatest fraction of the pixels that may look through what another camera sees, at edges and by wrong
-/// depths.
+/// depths; and of those of one image that others look through, or see nothing of, beyond what is usual.
 const MOST_CONTRADICTING: f64 = 0.15;
+/// Where this fraction is usual, no pose is right.
+const MOST_USUAL: f64 = 0.5;
 /// An image, by its extension.
 const IMAGE: FileKind = FileKind::geometry("a depth image: a PNG file with 16 bits of gray");
 
@@ -59,12 +61,10 @@ pub(super) fn surface(folder: &Path, scale: Option<f64>) -> Result<(TriangleMesh
         let depths = png::gray16_values(&file, &IMAGE.read(path)?, size)?;
         frames.push(frame(index, camera, &depths, scale.unwrap_or(UNIT_M)));
     }
-    let contradicting = contradicting(&cameras, &frames);
-    if contradicting > MOST_CONTRADICTING {
-        let found = format!("{:.0} % of what some images show where others see nothing", contradicting * 100.0);
-        let expected = "the poses of the cameras in the frame of the object, X_RC, not their inverses";
-        return Err(InputError::new(rig.display(), "cameras", found, expected));
-    }
+    check_depths(&named, &cameras, &frames)?;
+    let files: Vec<_> = images.iter().map(|it| it.file_name().unwrap_or_default().to_string_lossy()).collect();
+    check_poses(&cameras, &frames, &files)
+        .map_err(|(found, expected)| InputError::new(rig.display(), "cameras", found, expected))?;
     let scan = ReferenceScan { cameras, frames };
     let reference = ReferenceModel::from_scan(&scan);
     let findings = vec![format!("{named}: {} depth images", images.len())];
@@ -84,31 +84,106 @@ fn frame(index: usize, camera: &CameraModel, depths: &[u16], unit_m: f64) -> Dep
     DepthFrame { camera: index, capture_s: 0.0, window, depth_m, mask }
 }
 
-/// The fraction of what cameras see that others look through, where they see anything there.
-fn contradicting(cameras: &[CameraModel], frames: &[DepthFrame]) -> f64 {
-    let (mut seen, mut through) = (0usize, 0usize);
-    for (camera, frame) in cameras.iter().zip(frames) {
-        let step = frame.depth_m.len().div_ceil(COMPARED).max(1);
-        for (i, depth_m) in frame.depth_m.iter().enumerate().step_by(step) {
-            let p_R = camera.X_WC * camera.back_project(&frame.window.pixel_centre(i), f64::from(*depth_m));
-            if depth_m.is_nan() || nalgebra::distance(&p_R, &Point3::origin()) > OBJECT_WITHIN_M {
-                continue;
-            }
-            for (other, image) in cameras.iter().zip(frames).filter(|it| !std::ptr::eq(it.0, camera)) {
-                let p_C = other.X_WC.inverse() * p_R;
-                let pixel = other.project(&p_C).filter(|uv| uv.x >= 0.0 && uv.y >= 0.0);
-                let at = pixel.map(|uv| [uv.x as usize, uv.y as usize]);
-                let at = at.filter(|[x, y]| *x < other.width_px as usize && *y < other.height_px as usize);
-                let Some([x, y]) = at else { continue };
-                let there_m = f64::from(image.depth_m[y * other.width_px as usize + x]);
-                if !there_m.is_nan() {
-                    seen += 1;
-                    through += usize::from(there_m > p_C.z + THROUGH_M);
-                }
+/// Checks that there is something around the origin.
+fn check_depths(folder: &str, cameras: &[CameraModel], frames: &[DepthFrame]) -> Result<(), InputError> {
+    if cameras.iter().zip(frames).any(|(camera, frame)| object_points(camera, frame).next().is_some()) {
+        return Ok(());
+    }
+    let mut depths_m: Vec<f64> =
+        frames.iter().flat_map(|it| &it.depth_m).filter(|it| !it.is_nan()).map(|it| f64::from(*it)).collect();
+    let mut away_m: Vec<f64> = cameras.iter().map(|it| it.X_WC.translation.vector.norm()).collect();
+    let found = format!(
+        "none within {OBJECT_WITHIN_M} m of the origin of R: {:.3} m (median) from cameras that are {:.3} m away from it",
+        median_in_place(&mut depths_m),
+        median_in_place(&mut away_m)
+    );
+    let expected = "depths in millimetres, or `--scale METRES` per unit (0.0001 for tenths of a millimetre)";
+    Err(InputError::new(folder, "depths", found, expected))
+}
+
+/// Checks that images show the same thing at the same place, and names those that do not.
+///
+/// # Errors
+/// What was found, and what was expected.
+fn check_poses(
+    cameras: &[CameraModel],
+    frames: &[DepthFrame],
+    files: &[impl std::fmt::Display],
+) -> Result<(), (String, &'static str)> {
+    let views = || cameras.iter().zip(frames).enumerate();
+    let (mut measured, mut through, mut off) = (0, 0, Vec::new());
+    for (i, (camera, frame)) in views() {
+        let points: Vec<Point3<f64>> = object_points(camera, frame).collect();
+        let mut by_others = Vec::new();
+        for (_, (other, image)) in views().filter(|it| it.0 != i) {
+            let seen = Seen::of(&points, other, image);
+            measured += seen.nearer + seen.farther;
+            through += seen.farther;
+            let all = seen.nearer + seen.farther + seen.nothing;
+            by_others.extend((all > 0).then(|| (seen.farther + seen.nothing) as f64 / all as f64));
+        }
+        // One wrong pose among the others changes no median.
+        off.push(median_in_place(&mut by_others));
+    }
+    let usual = median_in_place(&mut off.clone());
+    let contradicting = through as f64 / f64::max(measured as f64, 1.0);
+    if usual > MOST_USUAL || contradicting > MOST_CONTRADICTING {
+        let all = f64::max(usual, contradicting);
+        let found = format!("{:.0} % of what some images show where others see nothing", all * 100.0);
+        let expected =
+            "the poses of the cameras in the frame of the object, X_RC, not their inverses; quaternions as x, y, z, w";
+        return Err((found, expected));
+    }
+    let wrong: Vec<String> = (0..off.len())
+        .filter(|i| off[*i] > usual + MOST_CONTRADICTING)
+        .map(|i| format!("cameras[{i}] of {}: {:.0} %", files[i], off[i] * 100.0))
+        .collect();
+    if wrong.is_empty() {
+        return Ok(());
+    }
+    let found = format!(
+        "poses of which other images see nothing where these show something: {}, usually {:.0} %",
+        wrong.join(", "),
+        usual * 100.0
+    );
+    Err((found, "the pose of that image's camera, X_RC, or the scan without both"))
+}
+
+/// What a camera sees where points are: something nearer or there, something farther, or nothing.
+#[derive(Default)]
+struct Seen {
+    nearer: usize,
+    farther: usize,
+    nothing: usize,
+}
+
+impl Seen {
+    fn of(points: &[Point3<f64>], camera: &CameraModel, image: &DepthFrame) -> Self {
+        let (X_CR, mut seen) = (camera.X_WC.inverse(), Self::default());
+        for p_R in points {
+            let p_C = X_CR * p_R;
+            let pixel = camera.project(&p_C).filter(|uv| uv.x >= 0.0 && uv.y >= 0.0);
+            let at = pixel.map(|uv| [uv.x as usize, uv.y as usize]);
+            let at = at.filter(|[x, y]| *x < camera.width_px as usize && *y < camera.height_px as usize);
+            let Some([x, y]) = at else { continue };
+            let there_m = f64::from(image.depth_m[y * camera.width_px as usize + x]);
+            match there_m {
+                _ if there_m.is_nan() => seen.nothing += 1,
+                _ if there_m > p_C.z + THROUGH_M => seen.farther += 1,
+                _ => seen.nearer += 1,
             }
         }
+        seen
     }
-    if seen == 0 { 0.0 } else { through as f64 / seen as f64 }
+}
+
+/// Some of the points that an image shows of the object, in R.
+fn object_points(camera: &CameraModel, frame: &DepthFrame) -> impl Iterator<Item = Point3<f64>> {
+    let step = frame.depth_m.len().div_ceil(COMPARED).max(1);
+    let pixels = frame.depth_m.iter().enumerate().step_by(step).filter(|it| !it.1.is_nan());
+    let points = pixels
+        .map(|(i, depth_m)| camera.X_WC * camera.back_project(&frame.window.pixel_centre(i), f64::from(*depth_m)));
+    points.filter(|it| it.coords.norm() <= OBJECT_WITHIN_M)
 }
 
 /// Depths in metres, NaN where there are none, each the mean of those around it that lie on a line through

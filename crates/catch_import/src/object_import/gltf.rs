@@ -45,8 +45,11 @@ const HARMLESS: Harmless = &[
     ("extensions", "KHR_materials_variants KHR_lights_punctual MSFT_lod KHR_node_visibility"),
     ("*", "name extras"),
 ];
-/// Required extensions of materials, textures and lights.
-const OF_MATERIALS: [&str; 5] = ["KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "ADOBE_materials_"];
+/// An extension by which a node, with all below it, may be hidden.
+const VISIBILITY: &str = "KHR_node_visibility";
+/// Required extensions that are read, or that are of materials, textures and lights.
+const MAY_BE_REQUIRED: [&str; 6] =
+    [VISIBILITY, "KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "ADOBE_materials_"];
 
 /// Reads the bytes of a file; `file` names it in errors, and `load` reads what lies beside it.
 ///
@@ -68,7 +71,7 @@ pub fn read(
     let document = json::document(file, json)?;
     let root = document.root();
     for name in root.child("extensionsRequired").into_iter().flat_map(Node::items) {
-        if !OF_MATERIALS.iter().any(|it| name.text().starts_with(it)) {
+        if !MAY_BE_REQUIRED.iter().any(|it| name.text().starts_with(it)) {
             let expected =
                 "a file without it: `gltf-transform copy` or Blender's export without compression writes one";
             return Err(fault("extensionsRequired", name.text(), expected));
@@ -186,10 +189,20 @@ impl<'a> Reader<'a> {
             return Err(fault("nodes without end".into(), "at most some thousand, each in one other"));
         }
         let node = *self.nodes.get(number).ok_or_else(|| fault(format!("node {number}"), "a node that is there"))?;
+        let visibility = node.child("extensions").and_then(|it| it.child(VISIBILITY));
+        if visibility.and_then(|it| it.child("visible")).is_some_and(|it| it.text() == "false") {
+            return Ok(());
+        }
         self.shown.insert(number);
-        passed_over(node);
         let X_PN = match node.child("matrix") {
-            Some(matrix) => Matrix4::from_column_slice(&matrix.numbers::<16>(NUMBER)?),
+            Some(stated) => {
+                let matrix = Matrix4::from_column_slice(&stated.numbers::<16>(NUMBER)?);
+                if matrix.row(3) != Matrix4::identity().row(3) {
+                    let found = format!("a last row of {:?}", matrix.row(3).iter().collect::<Vec<_>>());
+                    return Err(stated.fault(found, "0, 0, 0, 1, as of rotation, scale and translation"));
+                }
+                matrix
+            }
             None => {
                 let of = |name, or| node.child(name).map_or(Ok(or), |it| it.numbers::<3>(NUMBER)).map(Vector3::from);
                 let rotation = node.child("rotation").map(|it| it.numbers::<4>(NUMBER)).transpose()?;
@@ -407,6 +420,21 @@ mod tests {
             .replace("\"NORMAL\": 1}", "\"NORMAL\": 1, \"_BATCHID\": 1}")
         };
         assert_eq!(corners(more).len(), 3);
+        let hidden =
+            r#"{"mesh": 0, "children": [1], "extensions": {"KHR_node_visibility": {"visible": false}}}, {"mesh": 0}"#;
+        let shown = |more: &'static str| {
+            document(move |it: &str| {
+                let nodes = format!("\"nodes\": [{hidden}{more}]");
+                let required = "\"extensionsRequired\": [\"KHR_node_visibility\"], \"scene\": 0";
+                it.replace("\"nodes\": [{\"mesh\": 0}]", &nodes)
+                    .replace("[0]", "[0, 2]")
+                    .replace("\"scene\": 0", required)
+            })
+        };
+        let one = shown(", {\"mesh\": 0, \"extensions\": {\"KHR_node_visibility\": {\"visible\": true}}}");
+        assert_eq!(one.unwrap().vertices.len(), 3);
+        let none = shown(", {\"name\": \"nothing\"}").unwrap_err().to_string();
+        assert!(none.contains("no triangles"), "{none}");
     }
 
     #[test]
@@ -418,6 +446,11 @@ mod tests {
                 "EXT_mesh_gpu_instancing",
             ),
             ("{\"mesh\": 0}", "{\"mesh\": 0, \"skin\": 0}", "nodes[0].skin: found `skin`"),
+            (
+                "{\"mesh\": 0}",
+                "{\"mesh\": 0, \"matrix\": [1, 0, 0, 5, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}",
+                "nodes[0].matrix: found a last row of [5.0, 0.0, 0.0, 1.0]",
+            ),
             (
                 "\"scene\": 0,",
                 "\"extensionsRequired\": [\"XY_new\"], \"scene\": 0,",

@@ -2,15 +2,21 @@
 
 use std::collections::HashSet;
 
-use crate::{cloud_file::CloudFile, cloud_registration::reference_model, isosurface::isosurface};
 use catch_body::{InputError, TriangleMesh, shape::Cuboid};
-use catch_bot::perception::ReferenceModel;
+use catch_bot::perception::{ReferenceModel, neighbours::bounds};
 use nalgebra::{Point3, Vector3};
+
+use super::normal_signs::orient;
+use crate::{
+    cloud_file::CloudFile, cloud_registration::reference_model, isosurface::isosurface, mesh_repair::without_specks,
+};
 
 /// Edge of the cubes in which the surface is looked for, in metres.
 const SPACING_M: f64 = 0.0015;
 /// Distance beyond the thinned points of a model, on both sides together, within which the surface may be.
 const ROOM_M: f64 = 0.01;
+/// Pieces with less volume than this fraction of the largest one's are specks.
+const SPECK: f64 = 0.05;
 
 /// The surface where the signed distance of the cloud is zero, in the cloud's own unit of `scale` metres, and
 /// what was found on the way.
@@ -22,23 +28,11 @@ pub(super) fn surface(file: &str, mut cloud: CloudFile, scale: f64) -> Result<(T
     if cloud.normals.is_none() {
         findings.push("the cloud has no normals: the surface is taken to face away from the middle everywhere".into());
     }
-    if face_inwards(&cloud) {
-        findings.push("the normals face inwards: turned".into());
-        cloud.normals.iter_mut().flatten().for_each(|it| *it = -*it);
-    }
     cloud.points.iter_mut().for_each(|it| it.coords *= scale);
-    let cloud = thinned(cloud);
+    let mut cloud = thinned(cloud);
+    findings.extend(orient(file, &mut cloud)?);
     let reference = reference_model(cloud, file)?;
     between(file, &reference, scale, findings)
-}
-
-/// Returns whether the normals of a cloud all around something face its inside: by the divergence theorem Σ
-/// n·(p − c) is three times a volume.
-fn face_inwards(cloud: &CloudFile) -> bool {
-    let (low, high) = bounds(&cloud.points);
-    let centre = (low + high) / 2.0;
-    let pairs = cloud.points.iter().zip(cloud.normals.iter().flatten());
-    pairs.map(|(p, normal)| normal.dot(&(p.coords - centre))).sum::<f64>() < 0.0
 }
 
 /// The surface of a scanned object, in its own unit of `scale` metres, with what was found so far.
@@ -53,7 +47,7 @@ pub(super) fn between(
 ) -> Result<(TriangleMesh, Vec<String>), InputError> {
     let to_O = reference.X_RO.translation.vector;
     let (low, high) = bounds(&reference.points);
-    let around = Cuboid { centre: ((low + high) / 2.0).into(), size: high - low + Vector3::repeat(ROOM_M) };
+    let around = Cuboid { centre: nalgebra::center(&low, &high), size: high - low + Vector3::repeat(ROOM_M) };
     let mut mesh = TriangleMesh::default();
     if !reference.points.is_empty() {
         mesh = isosurface(&around, SPACING_M, |p_O| reference.distance.at(p_O).0);
@@ -63,6 +57,10 @@ pub(super) fn between(
         return Err(InputError::new(file, "points", "no inside between them", expected));
     }
     findings.push(format!("the surface between them has {} triangles", mesh.triangles.len()));
+    let specks = without_specks(&mut mesh, SPECK);
+    if specks > 0 {
+        findings.push(format!("specks left out, each under {:.0} % of the largest piece: {specks}", SPECK * 100.0));
+    }
     mesh.vertices.iter_mut().for_each(|it| it.coords = (it.coords + to_O) / scale);
     Ok((mesh, findings))
 }
@@ -83,10 +81,4 @@ fn thinned(cloud: CloudFile) -> CloudFile {
 pub(super) fn length(cloud: &CloudFile) -> f64 {
     let (low, high) = bounds(&cloud.points);
     (high - low).max()
-}
-
-/// The corners of the box around points.
-fn bounds(points: &[Point3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
-    let none = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-    points.iter().fold(none, |(low, high), it| (low.inf(&it.coords), high.sup(&it.coords)))
 }

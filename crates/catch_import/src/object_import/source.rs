@@ -156,6 +156,9 @@ impl Source {
         if let (Some(stated), None) = (link.friction, source.friction) {
             source.findings.push(format!("a friction coefficient of {stated} is none of a surface, and is not used"));
         }
+        if !link.unused.is_empty() {
+            source.findings.push(format!("friction coefficients that are not used: {}", link.unused.join(", ")));
+        }
         let (count, from) = (source.surface.triangles.len(), if of_visuals { "visual" } else { "collision" });
         source.findings.insert(0, format!("{}: {count} triangles of its {from} shape", source.named));
         source.parts = collisions;

@@ -67,10 +67,12 @@ impl PlyFile {
         for property in &element.properties {
             let Some(length) = property.length else {
                 let value = numbers.next(property.of).ok_or_else(|| missing(numbers))?;
-                match property.name.as_str() {
-                    "x" | "y" | "z" => place[usize::from(property.name.as_bytes()[0] - b'x')] = Some(value),
-                    "nx" | "ny" | "nz" => normal[usize::from(property.name.as_bytes()[1] - b'x')] = Some(value),
-                    _ => {}
+                let axis = |name: &str| ["x", "y", "z"].iter().position(|it| *it == name);
+                let name = property.name.as_str();
+                if let Some(axis) = axis(name) {
+                    place[axis] = Some(value);
+                } else if let Some(axis) = name.strip_prefix("normal_").or(name.strip_prefix('n')).and_then(axis) {
+                    normal[axis] = Some(value);
                 }
                 continue;
             };
@@ -199,6 +201,16 @@ mod tests {
             add(vec![4]);
             (0..4i32).for_each(|index| add(index.to_le_bytes().to_vec()));
             assert_eq!(PlyFile::from_bytes("a.ply", &bytes).unwrap(), ply);
+        }
+    }
+
+    #[test]
+    fn normals_have_short_and_long_names() {
+        for prefix in ["n", "normal_"] {
+            let names = ["x", "y", "z"].map(|axis| format!("property float {prefix}{axis}\n")).concat();
+            let text = HEADER.replace("property uchar red\n", &names).replace("vertex 4", "vertex 1");
+            let ply = PlyFile::from_bytes("a.ply", (text + "7 8 9 0 0 1\n3 0 0 0\n").as_bytes()).unwrap();
+            assert_eq!((ply.vertices, ply.normals), (vec![[7.0, 8.0, 9.0]], Some(vec![[0.0, 0.0, 1.0]])), "{prefix}");
         }
     }
 

@@ -107,3 +107,19 @@ pub fn markdown(identity: &Identity, cells: &[CellSummary]) -> String {
     text + "\n\"caught\": held to the end, no limit broken by a command; \"within 2.5 cm\": the paper's measure, which looks at one axis \
             at 0.875 s; \"paper's Table I\": what it published by that measure, its fixed throws, without limits on the arm.\n"
 }
+
+/// A time in milliseconds with its unit, in microseconds where it is short.
+pub fn shown_ms(ms: f64) -> String {
+    if ms < 0.01 { format!("{:.1} µs", ms * 1e3) } else { format!("{ms:.2} ms") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_time_is_shown_as_zero() {
+        let shown = [0.00042, 0.0099, 0.01, 12.345].map(shown_ms);
+        assert_eq!(shown, ["0.4 µs", "9.9 µs", "0.01 ms", "12.35 ms"]);
+    }
+}

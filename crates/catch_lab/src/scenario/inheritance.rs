@@ -3,10 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use catch_body::InputError;
-use toml::{
-    Table, Value,
-    de::{DeTable, DeValue},
-};
+use toml::{Table, Value};
 
 use crate::{
     assets::{Asset, Kind, Origin},
@@ -15,12 +12,13 @@ use crate::{
 
 /// The field that names the scenario that a file extends.
 const FIELD: &str = "extends";
+/// Fields that name one of several kinds, some with figures in a table: another kind takes its place.
+const KINDS: [&str; 2] = ["clock", "model"];
 
 /// The table of a scenario's file, laid over that of the scenario which it extends, over that of the one
 /// which this extends, and so on.
 ///
-/// A table under a header, or of dotted keys, is merged field by field. Any other value replaces the one
-/// below it, an inline table as well.
+/// Tables are merged field by field, however they are written; any other value replaces the one below it.
 ///
 /// # Errors
 /// A file that is no TOML, one that extends nothing known or itself, or a fault in one of those that it
@@ -54,8 +52,7 @@ fn extended_after(asset: &Asset, before: &mut Vec<String>) -> Result<Table, Inpu
     let (scenario, faults): (Scenario, _) = InputError::from_table(&base.file, complete)?;
     InputError::first_of(faults.into_iter().chain(scenario.faults(&base.file)).map(Err::<(), _>))?;
     name_from_here(&scenario, &base.origin, &mut below);
-    let spans = DeTable::parse(&asset.text).map_err(|it| fault(it.message().to_owned(), "valid TOML"))?;
-    merge(&mut below, table, spans.get_ref(), &asset.text);
+    merge(&mut below, table);
     Ok(below)
 }
 
@@ -70,17 +67,11 @@ fn name_from_here(scenario: &Scenario, origin: &Origin, table: &mut Table) {
     }
 }
 
-fn merge(below: &mut Table, above: Table, spans: &DeTable, text: &str) {
+fn merge(below: &mut Table, above: Table) {
     for (field, value) in above {
-        let of_file = spans.get(field.as_str());
-        let is_inline = |it: &toml::Spanned<DeValue>| text[it.span().start..].starts_with('{');
-        match (below.get_mut(&field), value, of_file) {
-            (Some(Value::Table(below)), Value::Table(above), Some(spanned)) if !is_inline(spanned) => {
-                if let DeValue::Table(spans) = spanned.get_ref() {
-                    merge(below, above, spans, text);
-                }
-            }
-            (_, value, _) => {
+        match (below.get_mut(&field), value) {
+            (Some(Value::Table(below)), Value::Table(above)) if !KINDS.contains(&&*field) => merge(below, above),
+            (_, value) => {
                 below.insert(field, value);
             }
         }
@@ -89,6 +80,8 @@ fn merge(below: &mut Table, above: Table, spans: &DeTable, text: &str) {
 
 #[cfg(test)]
 mod tests {
+    use catch_sim::depth_noise::DepthConfig;
+
     use super::*;
     use crate::scenario::setup::{Choice, Setup};
 
@@ -98,28 +91,32 @@ mod tests {
     }
 
     #[test]
-    fn headers_are_merged_and_inline_tables_replaced() {
+    fn tables_are_merged_however_they_are_written() {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
         let head = "name = \"mine\"\ndescription = \"mine\"\n";
-        write(
-            "bumpy.toml",
-            &format!("{head}extends = \"honest\"\n[arena]\nfriction = 0.2\ndepth = {{ model = \"stereo7\" }}\n"),
-        );
-        write(
-            "slippery.toml",
-            &format!(
-                "{head}extends = \"bumpy.toml\"\n[arena.robot_errors]\nlink_mass_spread = 0.1\n[brain.grasp_selection]\nweights.width = 1.0\n"
-            ),
-        );
         let honest = Setup::load(&Choice { scenario: Some("honest"), ..Choice::default() }).unwrap().scenario;
         let mut expected = honest.clone();
         (expected.name, expected.description) = ("slippery".to_owned(), "mine".to_owned());
         expected.arena.friction = catch_sim::config::Drawn::Always(0.2);
-        expected.arena.depth = toml::from_str("model = { stereo = {} }").unwrap();
+        expected.arena.depth.model = toml::from_str::<DepthConfig>("model.gaussian.sd_m = 0.001").unwrap().model;
         expected.arena.robot_errors.link_mass_spread = 0.1;
         expected.brain.grasp_selection.weights.width = 1.0;
-        assert_eq!(load(folder.path(), "slippery.toml").unwrap(), expected);
+        for arena in [
+            "[arena]\nfriction = 0.2\n[arena.depth.model.stereo]\nbaseline_m = 0.1\n",
+            "arena = { friction = 0.2, depth = { model = { stereo = { baseline_m = 0.1 } } } }\n",
+            "arena.friction = 0.2\narena.depth.model.stereo.baseline_m = 0.1\n",
+        ] {
+            write("bumpy.toml", &format!("{head}extends = \"honest\"\n{arena}"));
+            write(
+                "slippery.toml",
+                &format!(
+                    "{head}extends = \"bumpy.toml\"\n[arena]\ndepth = {{ model = {{ gaussian = {{ sd_m = 0.001 }} }} }}\n\
+                     [arena.robot_errors]\nlink_mass_spread = 0.1\n[brain.grasp_selection]\nweights.width = 1.0\n"
+                ),
+            );
+            assert_eq!(load(folder.path(), "slippery.toml").unwrap(), expected, "{arena}");
+        }
     }
 
     #[test]

@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
@@ -39,11 +40,13 @@ def convert(model: str | Path | mujoco.MjModel, out: str | Path) -> Path:
 
     Each body and each named site becomes a link. Bodies welded to a body with a free joint are part of its link.
 
-    Raises ``CannotExpress`` for ball joints, several joints in one body and deformable bodies, ``FileExistsError`` if ``out`` exists,
-    ``ValueError`` for a model that MuJoCo does not compile.
+    Warns of springs and gravity compensation, for which URDF has no word. Raises ``CannotExpress`` for ball joints, several joints in
+    one body and deformable bodies, ``FileExistsError`` if ``out`` exists, ``ValueError`` for a model that MuJoCo does not compile.
     """
     if not isinstance(model, mujoco.MjModel):
         model = mujoco.MjModel.from_xml_path(str(model))
+    if left_out := _left_out(model):
+        warnings.warn(f"URDF has no word for {left_out}: left out", stacklevel=2)
     robot, meshes = _Urdf(model).robot()
     out = Path(out)
     out.mkdir(parents=True)
@@ -210,7 +213,9 @@ class _Urdf:
         if limit:
             SubElement(joint, "limit", limit)
         dof = model.jnt_dofadr[index]
-        SubElement(joint, "dynamics", damping=_text([model.dof_damping[dof]]))
+        dynamics = SubElement(joint, "dynamics", damping=_text([model.dof_damping[dof]]))
+        if model.dof_frictionloss[dof] > 0:
+            dynamics.set("friction", _text([model.dof_frictionloss[dof]]))
         if (driver := self.drivers.get(index)) is not None:
             SubElement(joint, "mimic", joint=driver if isinstance(driver, str) else self.joints[driver])
         if model.dof_armature[dof] > 0:
@@ -242,6 +247,13 @@ def _refuse_what_urdf_lacks(model: mujoco.MjModel) -> None:
             raise CannotExpress(f"body {name}: found a ball joint, expected hinges and slides: URDF has no ball joint")
     if model.nflex:
         raise CannotExpress(f"found {model.nflex} deformable bodies, expected rigid ones: URDF has no flex")
+
+
+def _left_out(model: mujoco.MjModel) -> str:
+    """Springs and gravity compensation, by the names of their joints and bodies."""
+    joints, bodies = np.flatnonzero(model.jnt_stiffness), np.flatnonzero(model.body_gravcomp)
+    named = {"stiffness": [model.joint(it).name or f"joint_{it}" for it in joints], "gravcomp": [model.body(it).name or f"body_{it}" for it in bodies]}
+    return "; ".join(f"{what} of {', '.join(names)}" for what, names in named.items() if names)
 
 
 def _drivers(model: mujoco.MjModel) -> dict[int, int | str]:
@@ -374,10 +386,14 @@ def main() -> int:
         parser.error(f"--out: found `{arguments.out}`, expected a folder that does not exist yet")
     try:
         model = mujoco.MjModel.from_xml_path(str(arguments.file))
-        path = convert(model, arguments.out)
+        with warnings.catch_warnings(record=True) as notes:
+            warnings.simplefilter("always")
+            path = convert(model, arguments.out)
     except ValueError as fault:
         print(f"error: {arguments.file}: {fault}", file=sys.stderr)
         return 2
+    for note in notes:
+        print(f"warning: {arguments.file}: {note.message}", file=sys.stderr)
     is_arm = any(_kind(model, it) == "hinge" for it in range(model.njnt))
     name = "my_arm" if is_arm else "my_object"
     print(f"{path}\nnext: catchingbot {'robot' if is_arm else 'object'} import {shlex.quote(str(path))} --out {name}")
