@@ -175,7 +175,7 @@ impl SilhouetteRay {
         self.settle(least_m, &gradient, &p_OC, &direction_O);
     }
 
-    /// Looks where the ray passes what was nearest to it last: that place moves along the ray with the object.
+    /// Looks where the ray passes what was nearest to it last: the place moves along the ray with the object.
     fn follow(&mut self, reference: &ReferenceModel, view: &Viewpoint) {
         let direction_O = view.R_OW * self.direction_W;
         self.along_m = direction_O.dot(&(self.p_O - view.p_OC));
@@ -438,7 +438,7 @@ mod tests {
         (synthetic::reference(&Shape::Sphere { radius: radius_m }, 200), silhouette)
     }
 
-    /// However far the object moves towards the camera, rays pass it where they would if it was looked for anew.
+    /// However far the object moves towards the camera, rays pass it as if it was looked for anew.
     #[test]
     fn rays_follow_the_object_along_them() {
         let (reference, mut silhouette) = grown(0);
