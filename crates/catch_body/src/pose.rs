@@ -44,8 +44,8 @@ impl PoseFields {
     }
 }
 
-/// J(φ) = ∫₀¹ exp(sφ) ds = 1 + (1 − cos φ)/φ²·[φ]ₓ + (φ − sin φ)/φ³·[φ]ₓ², by which a small change of φ turns
-/// exp(φ) in the fixed frame; J(−φ) is that in the turned frame.
+/// J(φ) = ∫₀¹ exp(sφ) ds = 1 + (1 − cos φ)/φ²·\[φ\]ₓ + (φ − sin φ)/φ³·\[φ\]ₓ², by which a small change of φ
+/// turns exp(φ) in the fixed frame; J(−φ) is that in the turned frame.
 pub fn left_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
     let (angle, cross) = (phi.norm(), phi.cross_matrix());
     let (first, second) = if angle > 1e-3 {

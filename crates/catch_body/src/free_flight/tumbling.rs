@@ -74,7 +74,7 @@ impl Tumbling {
     /// The state `duration_s` later (or earlier, if negative), by Runge–Kutta of fourth order on q̇ = ½ω·q.
     ///
     /// A small turn δθ of the start and a change δL of the momentum obey δθ̇ = ω×δθ + δω with
-    /// δω = δθ×ω − J_W⁻¹(δθ×L) + J_W⁻¹δL, that is δθ̇ = J_W⁻¹·([L]ₓ·δθ + δL).
+    /// δω = δθ×ω − J_W⁻¹(δθ×L) + J_W⁻¹δL, that is δθ̇ = J_W⁻¹·(\[L\]ₓ·δθ + δL).
     pub fn after(&self, duration_s: f64, with_derivatives: bool) -> Self {
         if self.decay_per_s == 0.0 {
             return Self { elapsed_s: self.elapsed_s + duration_s, ..self.after_free(duration_s, with_derivatives) };
