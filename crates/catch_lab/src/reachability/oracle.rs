@@ -15,22 +15,18 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use catch_body::{
-    Gripper, JointVector, MAX_JOINTS, Pose, Robot, Twist,
+    Gripper, JointVector, MAX_JOINTS, Pose, Robot, TriangleMesh, Twist,
     clearance::ArmClearance,
     inverse_kinematics::{ParallelAxesArm, Ranges, SrsArm},
     robot::JointLimits,
     shape::Capsule,
     workcell::FLOOR_Z_M,
 };
-use catch_bot::trajectory_optimization::reachability::ReachableSet;
 use catch_sim::FreeFlight;
 use nalgebra::{Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    camera_placement::expected_rate::is_round,
-    scenario::setup::{Setup, throw_check::LONGEST_FLIGHT_S},
-};
+use crate::scenario::setup::{Setup, throw_check::LONGEST_FLIGHT_S};
 
 /// Time from the arrival of the first image to the earliest start of a motion, in seconds: the paper's first
 /// estimate needs six frames at 100 Hz.
@@ -79,6 +75,14 @@ enum Kinematics {
     Turned,
 }
 
+/// Returns whether a surface is that of a ball: all around its centre equally far.
+fn is_ball(mesh: &TriangleMesh) -> bool {
+    let centre = mesh.aabb().centre;
+    let radii = || mesh.vertices.iter().map(|it| (it - centre).norm());
+    let (least, most) = (radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
+    most - least < 0.02 * most
+}
+
 impl<'a> Oracle<'a> {
     /// Creates the oracle for the arm of a setup.
     pub fn of(setup: &'a Setup) -> Self {
@@ -86,7 +90,7 @@ impl<'a> Oracle<'a> {
         let kinematics = match (SrsArm::of(robot), ParallelAxesArm::of(robot)) {
             (Some(arm), _) => Kinematics::Srs(arm),
             (None, Some(arm)) => Kinematics::ParallelAxes(arm),
-            _ if robot.has_few_joints() && is_round(setup) => Kinematics::Turned,
+            _ if robot.has_few_joints() && is_ball(&setup.object.mesh) => Kinematics::Turned,
             (None, None) => Kinematics::Numerical,
         };
         let links_m = robot.per_joint(|joint| joint.X_PL.translation.vector.norm()).sum();
@@ -127,7 +131,7 @@ impl<'a> Oracle<'a> {
         }
         let mut ranges = [[0.0; 2]; MAX_JOINTS];
         for (i, joint) in self.robot.joints.iter().enumerate() {
-            let way = from_rest(&joint.limits, time_s).displacements().high;
+            let way = farthest(&joint.limits, time_s);
             ranges[i] = [(from[i] - way).max(joint.limits.lower), (from[i] + way).min(joint.limits.upper)];
         }
         hands(&sample.v_WO).any(|R_WG| {
@@ -153,7 +157,7 @@ impl<'a> Oracle<'a> {
     fn can_stop_after(&self, from: &JointVector, q: &JointVector, time_s: f64) -> bool {
         self.robot.joints.iter().enumerate().all(|(i, joint)| {
             let way = q[i] - from[i];
-            let speed = from_rest(&joint.limits, time_s).terminal_velocities(way.abs()).low.max(0.0);
+            let speed = least_terminal_speed(way.abs(), time_s, joint.limits.velocity, joint.limits.acceleration);
             let stop = q[i] + way.signum() * speed * speed / (2.0 * joint.limits.acceleration);
             (joint.limits.lower..=joint.limits.upper).contains(&stop)
         })
@@ -178,10 +182,37 @@ fn swivelled(srs: &SrsArm, X_WG: &Pose, ranges: &Ranges) -> impl Iterator<Item =
     })
 }
 
-/// What a joint reaches from rest in `time_s`.
-fn from_rest(limits: &JointLimits, time_s: f64) -> ReachableSet {
+/// Farthest distance of a joint from rest after `time_s`, with acceleration all the way up to V: s = A·T²/2
+/// for T < V/A, else V·T − V²/2A.
+fn farthest(limits: &JointLimits, time_s: f64) -> f64 {
     let JointLimits { velocity, acceleration, .. } = *limits;
-    ReachableSet { start_velocity: 0.0, velocity, acceleration, time_s }
+    if acceleration * time_s < velocity {
+        acceleration * time_s * time_s / 2.0
+    } else {
+        velocity * time_s - velocity * velocity / (2.0 * acceleration)
+    }
+}
+
+/// The least speed at the end of a way from rest that takes `time_s`, `way` being within what is possible.
+///
+/// With the end's speed e, the longest way goes up to the peak p = min(V, (A·T + e)/2), coasts and brakes to
+/// e: s(e) = p²/2A + (p² − e²)/2A + p·(T − (2p − e)/A), which rises with e. Bisection finds where it is the
+/// way.
+fn least_terminal_speed(way: f64, time_s: f64, velocity: f64, acceleration: f64) -> f64 {
+    let longest = |end: f64| {
+        let peak = velocity.min(f64::midpoint(acceleration * time_s, end));
+        let ramps = (2.0 * peak * peak - end * end) / (2.0 * acceleration);
+        ramps + peak * (time_s - (2.0 * peak - end) / acceleration)
+    };
+    if longest(0.0) >= way {
+        return 0.0;
+    }
+    let (mut low, mut high) = (0.0, velocity.min(acceleration * time_s));
+    for _ in 0..30 {
+        let middle = f64::midpoint(low, high);
+        if longest(middle) < way { low = middle } else { high = middle }
+    }
+    high
 }
 
 /// Orientations of a hand that an object may fly into with `v_WO`: its approach y_G at every angle from
@@ -240,6 +271,27 @@ impl Flight {
 mod tests {
     use super::*;
     use crate::scenario::setup::Choice;
+
+    #[test]
+    fn arrival_speeds_lie_between_standing_and_the_fastest() {
+        let limits = JointLimits { lower: -3.0, upper: 3.0, velocity: 1.5, acceleration: 9.0, torque: 1.0, jerk: None };
+        for time_s in [0.05, 0.2, 0.7] {
+            let most = farthest(&limits, time_s);
+            let speed = least_terminal_speed(most, time_s, 1.5, 9.0);
+            assert!((speed - (9.0 * time_s).min(1.5)).abs() < 1e-3, "{speed} after {time_s} s");
+            assert_eq!(least_terminal_speed(0.2 * most, time_s, 1.5, 9.0), 0.0);
+            // Up, coast, down, simulated: no way of arriving slower gets there.
+            let speed = least_terminal_speed(0.9 * most, time_s, 1.5, 9.0);
+            let (step, mut v, mut s) = (time_s * 1e-5, 0.0_f64, 0.0);
+            for i in 0..100_000 {
+                let left = time_s - f64::from(i) * step;
+                let must_brake = v > speed + 9.0 * left;
+                v = if must_brake { v - 9.0 * step } else { (v + 9.0 * step).min(1.5) };
+                s += v * step;
+            }
+            assert!((s - 0.9 * most).abs() < 2e-3 * most, "{s} instead of {} in {time_s} s", 0.9 * most);
+        }
+    }
 
     #[test]
     fn hands_never_close_along_the_flight() {
