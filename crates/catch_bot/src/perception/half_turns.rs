@@ -12,11 +12,11 @@ use nalgebra::{SymmetricEigen, UnitQuaternion, Vector3};
 use super::{Symmetry, registration::Fit};
 
 /// Largest evidence of one image, so that no single one decides: −2 × the logarithm of a likelihood ratio.
-const MOST_OF_IMAGE: f64 = 10.0;
-/// Evidence from which on the other orientation is believed: it is e¹⁰ times as likely.
-const DECISIVE: f64 = 20.0;
+const MOST_OF_IMAGE: f64 = 30.0;
+/// Evidence from which on the other orientation is believed.
+const DECISIVE: f64 = 60.0;
 /// Evidence for the present orientation from which on the other one is no longer asked for.
-const SETTLED: f64 = 50.0;
+const SETTLED: f64 = 150.0;
 /// Steps from the other orientation before it is compared: it is near by then, and one that is not counts as
 /// worse.
 pub(super) const COMPARED_AFTER: usize = 8;
@@ -134,7 +134,7 @@ mod tests {
             assert!(turns.compare(&fit(0.0, 0.0), |_| fit(PI, better)).is_none());
         }
         let mut turns = new();
-        let decided = (1..10).find(|_| turns.compare(&fit(0.0, 0.0), |_| fit(PI, 8.0)).is_some());
+        let decided = (1..10).find(|_| turns.compare(&fit(0.0, 0.0), |_| fit(PI, 25.0)).is_some());
         assert_eq!(decided, Some(3));
         // Where the other one is worse, or leads back, it is soon left alone.
         for leads_to in [fit(PI, -1e6), fit(0.1, 1e6)] {
