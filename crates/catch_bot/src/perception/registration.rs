@@ -37,8 +37,7 @@ pub struct Fit {
     /// Mean square of the silhouette rays' residuals in standard deviations, where the silhouette was used,
     /// or as much as depths too noisy to show a shape are tilted otherwise, if that is more.
     pub silhouette_mismatch: Option<f64>,
-    /// −2 × the log-likelihood of all residuals, outliers included, up to a constant: by it different starts
-    /// are compared.
+    /// Robust cost of all residuals, outliers included, by which different starts are compared.
     pub robust_cost: f64,
     /// Iterations.
     pub iterations: usize,
@@ -66,6 +65,8 @@ const NEAR_SD: f64 = 10.0;
 const NEAR_TOLERANCE: f64 = 2.0;
 /// Mean distances of points below this are all perfect, in metres.
 const LEAST_MEAN_M: f64 = 1e-5;
+/// Mean violations of the silhouette below this fraction of a pixel are all perfect.
+const LEAST_MEAN_PX: f64 = 5e-4;
 /// The silhouette's scale falls to this fraction from one step to the next at most: bounds close in on the
 /// pose gradually.
 const LEAST_SHRINKING: f64 = 0.6;
@@ -161,7 +162,9 @@ impl Summed {
             points_mismatch: has_shape.then(|| on_points.squares / weight),
             silhouette_mismatch: (!silhouette.is_empty())
                 .then(|| silhouette.mean_square().max(self.tilted / TILT_SCATTER)),
-            robust_cost: robust_cost(on_points, depths.residuals.len()) + silhouette.cost() + 2.0 * self.tilted,
+            robust_cost: robust_cost(on_points, depths.residuals.len(), LEAST_MEAN_M)
+                + robust_cost(on_rays, silhouette.len(), LEAST_MEAN_PX * silhouette.pixel_m())
+                + 2.0 * self.tilted,
             iterations: 0,
         }
     }
@@ -405,11 +408,11 @@ fn typical(sums: &Sums) -> f64 {
 
 /// −2 × the log-likelihood of residuals, outliers included, if they are Laplace distributed with a width that
 /// only their mean tells, up to a constant: 2·n·ln(mean |r|).
-fn robust_cost(sums: &Sums, count: usize) -> f64 {
+fn robust_cost(sums: &Sums, count: usize, least_m: f64) -> f64 {
     if count == 0 {
         return 0.0;
     }
-    2.0 * count as f64 * libm::log((sums.distances_m / count.max(1) as f64).max(LEAST_MEAN_M))
+    2.0 * count as f64 * libm::log((sums.distances_m / count.max(1) as f64).max(least_m))
 }
 
 /// The Gauss–Newton step in O, damped a little so that what cannot be observed stays where it was.
