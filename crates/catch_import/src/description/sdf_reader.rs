@@ -141,17 +141,20 @@ fn link(node: Node, name: &str) -> Result<Link, InputError> {
 /// The least friction coefficient of a link's collisions, as Drake has it or, without that, as ODE has it, or
 /// Bullet; and those that are others.
 fn friction(link: Node<'_>) -> Result<(Option<f64>, Vec<String>), InputError> {
-    let (mut used, mut all) = (None, Vec::new());
-    for names in [&["drake:mu_dynamic"][..], &["mu", "mu2"], &["friction", "friction2"]] {
-        let named = |it: &Node<'_>| names.contains(&it.name()) && !it.text().is_empty();
-        let stated = link.children("collision").flat_map(Node::descendants).filter(named);
-        let stated: Vec<_> =
-            stated.map(|it| Ok((it.name(), it.number(FRICTION)?))).collect::<Result<_, InputError>>()?;
-        used = used.or(stated.iter().map(|it| it.1).reduce(f64::min));
-        all.extend(stated);
+    let (mut least, mut all) = (None, Vec::new());
+    for collision in link.children("collision") {
+        let mut used = None;
+        for names in [&["drake:mu_dynamic"][..], &["mu", "mu2"], &["friction", "friction2"]] {
+            let stated = collision.descendants().filter(|it| names.contains(&it.name()) && !it.text().is_empty());
+            let stated: Vec<_> =
+                stated.map(|it| Ok((it.name(), it.number(FRICTION)?))).collect::<Result<_, InputError>>()?;
+            used = used.or(stated.iter().map(|it| it.1).reduce(f64::min));
+            all.extend(stated);
+        }
+        least = [least, used].into_iter().flatten().reduce(f64::min);
     }
-    let unused = all.into_iter().filter(|it| Some(it.1) != used).map(|(name, value)| format!("{name} = {value}"));
-    Ok((used, unused.collect()))
+    let unused = all.into_iter().filter(|it| Some(it.1) != least).map(|(name, value)| format!("{name} = {value}"));
+    Ok((least, unused.collect()))
 }
 
 /// The shapes of collisions, each with its density if it states one.
