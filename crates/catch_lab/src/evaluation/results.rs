@@ -3,8 +3,8 @@
 //! While it runs there is a log, one line of JSON per trial, written as soon as it and all before it are
 //! done, and a file beside it that says what is evaluated. What a run was killed in the middle of is gone;
 //! everything before it stays. When all trials are done the log becomes a table ([`trial_table`]) and a
-//! summary for people. Evaluations of parts are put together by their logs; with those all done the rest is
-//! what one evaluation would have written, byte for byte.
+//! summary for people. The logs of parts, one after the other, are the log of the whole. From it the same
+//! files are written as by one evaluation, byte for byte.
 
 use std::{
     collections::BTreeSet,
