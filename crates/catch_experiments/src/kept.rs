@@ -14,7 +14,9 @@ pub const SOURCES: &[&str] = &[
     "crates/catch_bot",
     "crates/catch_calibration",
     "crates/catch_cell",
+    "crates/catch_import",
     "crates/catch_lab/src",
+    "crates/catch_paper",
     "crates/catch_recording",
     "crates/catch_sim",
 ];

@@ -92,12 +92,12 @@ impl Experiment {
     /// Trials per condition unless told otherwise, and what measures.
     fn plan(self) -> (u64, fn(&Options) -> Result<Findings>) {
         match self {
-            Self::CatchRates => (600, catch_rates::run),
+            Self::CatchRates => (400, catch_rates::run),
             Self::Objects => (100, objects::run),
             Self::GrippersAndArms => (100, grippers_and_arms::run),
             Self::Cameras => (200, cameras::run),
             Self::CalibrationAndPerception => (20, calibration::run),
-            Self::Mistold => (100, mistold::run),
+            Self::Mistold => (60, mistold::run),
             Self::Reliability => (60, reliability::run),
             Self::Flights => (60, flights::run),
             Self::AsPublished => (57, as_published::run),
@@ -141,6 +141,10 @@ fn main() -> Result<()> {
     };
     let ((_, about), (usual, run)) = (experiment.said(), experiment.plan());
     let options = Options { seed, trials: trials.unwrap_or(usual), tracks };
+    if results::is_of_today(&out, &name, &options) {
+        println!("{name}: measured already");
+        return Ok(());
+    }
     let findings = run(&options).with_context(|| format!("experiment {name}"))?;
     let path = results::write(&out, &name, &about, &options, &findings)?;
     println!("{}", path.display());

@@ -13,7 +13,7 @@ use anyhow::{Context, Result};
 use catch_lab::VERSION;
 use serde::{Deserialize, Serialize};
 
-use crate::{Findings, Options};
+use crate::{Findings, Options, kept::SOURCES};
 
 /// A table; its first columns say what the condition is.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -193,8 +193,7 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
         about,
         command,
         version: VERSION,
-        // The commit that is checked out, marked where sources differ from it.
-        commit: marked(&["rev-parse", "--short", "HEAD"], &["crates", "assets"]),
+        commit: last_change(SOURCES),
         machine: Machine { cpu: cpu(), cores: thread::available_parallelism().map_or(1, usize::from) },
         seed: options.seed,
         trials: options.trials,
@@ -220,19 +219,29 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
     Ok(path)
 }
 
-/// The last commit that changed anything at these paths from the root of the repository, marked likewise.
-pub fn last_change(paths: &[&str]) -> String {
-    marked(&[&["log", "-1", "--format=%h", "--"], paths].concat(), paths)
+/// Whether the document of an experiment holds what this command would measure at this state of the sources.
+pub fn is_of_today(folder: &Path, name: &str, options: &Options) -> bool {
+    #[derive(Deserialize)]
+    struct Measured {
+        commit: String,
+        seed: u64,
+        trials: u64,
+    }
+    let text = fs::read(folder.join(format!("{name}.json"))).ok();
+    let measured: Option<Measured> = text.and_then(|it| serde_json::from_slice(&it).ok());
+    measured.is_some_and(|it| (it.commit, it.seed, it.trials) == (last_change(SOURCES), options.seed, options.trials))
 }
 
-/// The commit that git tells, marked if something at these paths is not committed; `unknown` outside of a
-/// repository.
-fn marked(tells_commit: &[&str], paths: &[&str]) -> String {
+/// The last commit that changed anything at these paths from the root of the repository, marked if something
+/// there is not committed; `unknown` outside of a repository.
+pub fn last_change(paths: &[&str]) -> String {
     let git = |arguments: &[&str]| {
         let output = Command::new("git").args(arguments).output().ok().filter(|output| output.status.success());
         output.and_then(|it| String::from_utf8(it.stdout).ok()).map(|text| text.trim().to_owned())
     };
-    let Some(commit) = git(tells_commit) else { return "unknown".to_owned() };
+    let Some(commit) = git(&[&["log", "-1", "--format=%h", "--"], paths].concat()) else {
+        return "unknown".to_owned();
+    };
     let status = git(&[&["status", "--porcelain", "--"], paths].concat());
     if status.is_none_or(|text| !text.is_empty()) { commit + ", changed" } else { commit }
 }
