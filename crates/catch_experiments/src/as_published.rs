@@ -23,8 +23,8 @@ use crate::{
 
 /// The scenario of the published code.
 const SCENARIO: &str = "as-published";
-/// One trial of a step, with each object and throw, for so many of a cell of Table I.
-const TRIALS_PER_STEP_TRIAL: usize = 15;
+/// One trial without an assumption, with each object and throw, for so many of a cell of Table I.
+const TRIALS_PER_STEP_TRIAL: usize = 7;
 /// One trial around the throws for so many of a cell of Table I.
 const TRIALS_PER_TRIAL_AROUND: usize = 3;
 
@@ -34,8 +34,8 @@ their interval of 95 % (Wilson, as if each trial were a draw of its own). The *r
 How hard the arm is driven is in medians. Trials *around* the throws of Table I, up to 5 mm from them, have images of their own. \
 On single throws a cell is about one draw of a grasp ([why](../explanation/the-papers-method.md#how-near-table-i-comes)).
 
-The assumptions' worth is measured around the throws, with the same throws in each line. A line takes one more assumption away from the line above. Its \
-*change* is in points, with the 95 % interval of a paired difference (Agresti and Min). The columns *alone* take this assumption alone away.";
+The assumptions' worth is measured around the throws, with the same throws in each line. Each line takes one assumption away. Its \
+*change* is in points, with the 95 % interval of a paired difference (Agresti and Min).";
 
 /// An assumption of the published code.
 #[derive(Deserialize)]
@@ -43,10 +43,8 @@ struct Assumption {
     name: String,
     /// Description of the assumption.
     about: String,
-    /// Settings that take it away, after those before it.
+    /// Settings that take it away.
     set: Vec<String>,
-    /// Settings that take it away alone, where they are others.
-    alone: Option<Vec<String>>,
 }
 
 impl Assumption {
@@ -147,22 +145,16 @@ pub fn run(options: &Options) -> Result<Findings> {
 
 /// Table of the change that each assumption makes, around the throws.
 fn prices(options: &Options, count: usize) -> Result<Table> {
-    let against = ["change, 5 cm", "change, held", "alone, 5 cm", "alone, held"];
-    let columns = [&["step", "what it takes away", "trials"], &RATES[..], &against].concat();
+    let columns = ["assumption", "what is taken away", "trials", "5 cm, %", "change", "held, %", "change"];
     let mut table = Table::new("What each assumption was worth", &columns);
-    let mut row = |head: [&str; 2], all: &[Verdict], changes: [[Entry; 2]; 2]| {
-        let head = head.map(Entry::text).into_iter().chain([Entry::Count(all.len())]);
-        table.rows.push(head.chain(rates(all)).chain(changes.into_iter().flatten()).collect());
-    };
     let first = verdicts_around(&[], options.seed, count)?;
-    row(["as-published", "nothing"], &first, [(); 2].map(|()| [Entry::Number(None), Entry::Number(None)]));
-    let (mut settings, mut above) = (Vec::new(), first.clone());
-    for Assumption { name, about, set, alone } in &Assumption::all()? {
-        settings.extend(set.iter().cloned());
-        let all = verdicts_around(&settings, options.seed, count)?;
-        let only = verdicts_around(alone.as_ref().unwrap_or(set), options.seed, count)?;
-        row([name, about], &all, [changes(&above, &all), changes(&first, &only)]);
-        above = all;
+    let none = Assumption { name: "none".to_owned(), about: "nothing".to_owned(), set: Vec::new() };
+    for Assumption { name, about, set } in [none].into_iter().chain(Assumption::all()?) {
+        let all = if set.is_empty() { first.clone() } else { verdicts_around(&set, options.seed, count)? };
+        let [near, _, held, _] = rates(&all);
+        let [change, change_held] = changes(&first, &all);
+        let head = vec![Entry::text(name), Entry::text(about), Entry::Count(all.len())];
+        table.rows.push([head, vec![near, change, held, change_held]].concat());
     }
     Ok(table)
 }

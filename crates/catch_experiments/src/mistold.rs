@@ -20,8 +20,8 @@ use crate::{
 };
 
 const LEGEND: &str = "\
-One belief of the brain is wrong at a time. The world is the same, and so is each throw. *Right, %* is caught with the right belief. Cells have the rate \
-with the wrong belief less the right one's, in points of all throws, before the interval of 95 % for pairs. The scan's every extent is off in *size*. The *centre of \
+One belief of the brain is wrong at a time. The world is the same, and so is each throw. Cells have the rate \
+with the wrong belief less the right one's, in points: of each object, then of all before the interval of 95 % for pairs. The scan's every extent is off in *size*. The *centre of \
 mass* of the object is beside that of uniform density, which the brain expects: this row alone changes the world. Parts of a run that was ended are kept in \
 `target/mistold`.";
 
@@ -58,31 +58,43 @@ const BELIEFS: &[(&str, Values, Change)] = &[
     }),
 ];
 
-/// Every object and belief in the scenarios with noisy cameras.
-pub fn run(options: &Options) -> Result<Findings> {
-    let tables = ["honest", "lab"].map(|scenario| table(scenario, options));
-    Ok(Findings { legend: LEGEND.to_owned(), tables: tables.into_iter().collect::<Result<_>>()? })
-}
+/// Scenarios with noisy cameras.
+const SCENARIOS: [&str; 2] = ["honest", "lab"];
 
-fn table(scenario: &str, options: &Options) -> Result<Table> {
-    let columns = ["belief", "value", "object", "pairs", "right, %", "difference, points"];
-    let mut table = Table::new(&format!("What a wrong belief costs in `{scenario}`"), &columns).across("object");
-    let right = |object| Case { scenario, object, belief: "right", value: "" }.caught(options, &|_| {});
-    let right = Kind::Object.names().into_iter().map(right).collect::<Result<Vec<_>>>()?;
-    for (belief, values, change) in BELIEFS {
-        for (value, amount) in *values {
-            let mut together = [0; 4];
-            for (object, right) in Kind::Object.names().into_iter().zip(&right) {
-                let case = Case { scenario, object, belief, value };
-                let wrong = case.caught(options, &|setup| change(setup, *amount))?;
-                let counts = counts(right, &wrong);
-                together.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
-                table.rows.push(case.row(object, counts));
-            }
-            table.rows.push(Case { scenario, object: "", belief, value }.row("all", together));
+/// Every object and belief in them.
+pub fn run(options: &Options) -> Result<Findings> {
+    let objects = Kind::Object.names();
+    let mut rates =
+        Table::new("Caught with right beliefs", &["scenario", "object", "throws", "caught, %"]).across("object");
+    let mut right = Vec::new();
+    for scenario in SCENARIOS {
+        for object in &objects {
+            let caught = Case { scenario, object, belief: "right", value: "" }.caught(options, &|_| {})?;
+            let rate = percent(caught.iter().filter(|it| **it).count(), caught.len());
+            rates.rows.push(vec![Entry::text(scenario), Entry::text(*object), Entry::Count(caught.len()), rate]);
+            right.push(caught);
         }
     }
-    Ok(table)
+    let columns = [&["belief", "value", "scenario"][..], &objects, &["all, points"]].concat();
+    let mut costs = Table::new("What a wrong belief costs", &columns).across("scenario");
+    for (belief, values, change) in BELIEFS {
+        for (value, amount) in *values {
+            for (scenario, right) in SCENARIOS.into_iter().zip(right.chunks(objects.len())) {
+                let mut pairs = Vec::new();
+                let mut row = [belief, value, scenario].map(Entry::text).to_vec();
+                for (object, right) in objects.iter().zip(right) {
+                    let wrong =
+                        Case { scenario, object, belief, value }.caught(options, &|setup| change(setup, *amount))?;
+                    let of_object: Vec<(bool, bool)> = right.iter().copied().zip(wrong).collect();
+                    row.push(Entry::Number(Some(difference(&of_object)[0])));
+                    pairs.extend(of_object);
+                }
+                row.push(Entry::Spread(difference(&pairs).into()));
+                costs.rows.push(row);
+            }
+        }
+    }
+    Ok(Findings { legend: LEGEND.to_owned(), tables: vec![rates, costs] })
 }
 
 /// Throws of one object with one belief.
@@ -116,21 +128,14 @@ impl Case<'_> {
         }
         Ok(caught)
     }
-
-    fn row(&self, object: &str, [pairs, right, gained, lost]: [usize; 4]) -> Vec<Entry> {
-        let [from, to] = paired95(gained, lost, pairs);
-        let difference = (gained as f64 - lost as f64) / pairs.max(1) as f64;
-        let points = Entry::Spread([difference, from, to].map(|it| 100.0 * it).into());
-        let labels = [self.belief, self.value, object].map(Entry::text);
-        labels.into_iter().chain([Entry::Count(pairs), percent(right, pairs), points]).collect()
-    }
 }
 
-/// Pairs, caught with the right belief, gained and lost by the wrong one.
-fn counts(right: &[bool], wrong: &[bool]) -> [usize; 4] {
-    let both = || right.iter().zip(wrong);
-    let caught = right.iter().filter(|it| **it).count();
-    [right.len(), caught, both().filter(|(r, w)| !**r && **w).count(), both().filter(|(r, w)| **r && !**w).count()]
+/// Points by which the second of each pair is more often caught, and their interval.
+fn difference(pairs: &[(bool, bool)]) -> [f64; 3] {
+    let count = |pair| pairs.iter().filter(|it| **it == pair).count();
+    let (gained, lost) = (count((false, true)), count((true, false)));
+    let [from, to] = paired95(gained, lost, pairs.len());
+    [(gained as f64 - lost as f64) / pairs.len().max(1) as f64, from, to].map(|it| 100.0 * it)
 }
 
 fn each_sheet(setup: &mut Setup, change: impl Fn(&mut catch_cell::DataSheet)) {
