@@ -208,8 +208,9 @@ mod tests {
     }
 
     #[test]
-    fn pairs_are_counted() {
-        let (right, wrong) = ([true, true, false, false, true], [true, false, true, false, false]);
-        assert_eq!(counts(&right, &wrong), [5, 3, 1, 2]);
+    fn what_is_gained_and_lost_makes_the_difference() {
+        let pairs = [(true, true), (true, false), (false, true), (false, false), (true, false)];
+        let [points, from, to] = difference(&pairs);
+        assert!((points + 20.0).abs() < 1e-9 && from < points && points < to, "{points} ({from} to {to})");
     }
 }
