@@ -15,6 +15,7 @@ mod objects;
 mod peers;
 mod perception;
 mod rates;
+mod readme;
 mod reliability;
 mod results;
 mod spread;
@@ -109,7 +110,7 @@ impl Experiment {
 #[derive(Debug, Parser)]
 #[command(about = "Measures and writes docs/results/NAME.md and NAME.json; `list` lists the experiments")]
 struct Arguments {
-    /// Name of an experiment, or `list`.
+    /// Name of an experiment, `list`, or `readme` to bring its table up to date with the pages.
     name: String,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
@@ -135,9 +136,12 @@ fn main() -> Result<()> {
         }
         return Ok(());
     }
+    if name == "readme" {
+        return readme::update(&out);
+    }
     let Ok(experiment) = Experiment::from_str(&name, false) else {
         let names: BTreeSet<String> = Experiment::value_variants().iter().map(|it| it.said().0).collect();
-        bail!("there is no experiment `{name}`; expected `list` or one of {names:?}");
+        bail!("there is no experiment `{name}`; expected `list`, `readme` or one of {names:?}");
     };
     let ((_, about), (usual, run)) = (experiment.said(), experiment.plan());
     let options = Options { seed, trials: trials.unwrap_or(usual), tracks };

@@ -127,7 +127,7 @@ impl Entry {
     }
 
     /// Formats the entry with three digits, and intervals with tenths.
-    fn markdown(&self) -> String {
+    pub fn markdown(&self) -> String {
         let digits = |value: &f64| {
             let digits = if *value == 0.0 { 0.0 } else { 2.0 - libm::log10(value.abs()).floor() };
             format!("{value:.*}", digits.clamp(0.0, 6.0) as usize)
