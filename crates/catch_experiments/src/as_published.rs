@@ -43,8 +43,10 @@ struct Assumption {
     name: String,
     /// Description of the assumption.
     about: String,
-    /// Settings that take it away.
+    /// Settings that take it away, after those before it.
     set: Vec<String>,
+    /// Settings that take it away alone, where they are others.
+    alone: Option<Vec<String>>,
 }
 
 impl Assumption {
@@ -148,8 +150,9 @@ fn prices(options: &Options, count: usize) -> Result<Table> {
     let columns = ["assumption", "what is taken away", "trials", "5 cm, %", "change", "held, %", "change"];
     let mut table = Table::new("What each assumption was worth", &columns);
     let first = verdicts_around(&[], options.seed, count)?;
-    let none = Assumption { name: "none".to_owned(), about: "nothing".to_owned(), set: Vec::new() };
-    for Assumption { name, about, set } in [none].into_iter().chain(Assumption::all()?) {
+    let none = Assumption { name: "none".to_owned(), about: "nothing".to_owned(), set: Vec::new(), alone: None };
+    for Assumption { name, about, set, alone } in [none].into_iter().chain(Assumption::all()?) {
+        let set = alone.unwrap_or(set);
         let all = if set.is_empty() { first.clone() } else { verdicts_around(&set, options.seed, count)? };
         let [near, _, held, _] = rates(&all);
         let [change, change_held] = changes(&first, &all);
