@@ -12,7 +12,7 @@ use catch_lab::{
 };
 
 use crate::{
-    Findings, Options, rates,
+    Findings, Options, kept, rates,
     results::{Entry, Table},
 };
 
@@ -52,7 +52,8 @@ fn placed(options: &Options) -> Result<Table> {
     let mut table = Table::new("Caught with near cameras", &columns).across("object");
     for rig in rigs() {
         for object in Kind::Object.names() {
-            let figures = rates::figures(vec![setup(&rig, object, &[])?], options)?;
+            let name = format!("{rig}-{object}-{}-{}", options.seed, options.trials);
+            let figures = kept::part("placed", &name, || rates::figures(vec![setup(&rig, object, &[])?], options))?;
             table.rows.push([vec![Entry::text(&rig), Entry::text(object)], figures].concat());
         }
     }

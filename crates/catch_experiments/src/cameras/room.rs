@@ -12,7 +12,7 @@ use catch_lab::{
 use catch_sim::{Arena, Release};
 
 use crate::{
-    Options,
+    Options, kept,
     results::{Entry, Table},
     spread::rate,
 };
@@ -56,34 +56,43 @@ pub fn tables(options: &Options) -> Result<Vec<Table>> {
     let mut starts = Table::new("Nothing in flight in the room", &["object", "scenes", "images", "false starts"]);
     let [throws, scenes] = PER_TRIAL.map(|it| (it * options.trials as f64).ceil() as usize);
     for object in Kind::Object.names() {
-        let [lab, room] = ["lab", "room"].map(|scenario| setup(scenario, object));
-        let (lab, room) = (lab?, room?);
-        let caught = |setup: &Setup| {
-            parallel::map(throws, |index| {
-                let (seed, index) = (options.seed, index as u64);
-                let trial = trial::run_unobserved(&mut setup.brain(seed, index), setup, seed, index);
-                referee::judge(setup, &trial).caught
-            })
-        };
-        let pairs: Vec<(bool, bool)> = caught(&lab).into_iter().zip(caught(&room)).collect();
-        let count = |those: &dyn Fn(&(bool, bool)) -> bool| pairs.iter().filter(|it| those(it)).count();
-        let (gained, lost) = (count(&|it| !it.0 && it.1), count(&|it| it.0 && !it.1));
-        let [from, to] = paired95(gained, lost, pairs.len());
-        let difference = (gained as f64 - lost as f64) / pairs.len().max(1) as f64;
-        rates.rows.push(vec![
-            Entry::text(object),
-            Entry::Count(pairs.len()),
-            rate(count(&|it| it.0), pairs.len()),
-            rate(count(&|it| it.1), pairs.len()),
-            Entry::Spread([difference, from, to].map(|it| 100.0 * it).into()),
-        ]);
-        let quiet = parallel::map(scenes, |index| quiet(&room, options.seed, index as u64));
-        starts.rows.push(vec![
-            Entry::text(object),
-            Entry::Count(scenes),
-            Entry::Count(quiet.iter().map(|it| it.0).sum()),
-            Entry::Count(quiet.iter().filter(|it| it.1).count()),
-        ]);
+        let name = format!("{object}-{}-{}", options.seed, options.trials);
+        let [in_room, quiet] = kept::part("room", &name, || of_object(object, options, [throws, scenes]))?;
+        rates.rows.push(in_room);
+        starts.rows.push(quiet);
     }
     Ok(vec![rates, starts])
+}
+
+/// The rows of an object: its throws in both, and scenes in which nothing flies.
+fn of_object(object: &str, options: &Options, [throws, scenes]: [usize; 2]) -> Result<[Vec<Entry>; 2]> {
+    let [lab, room] = ["lab", "room"].map(|scenario| setup(scenario, object));
+    let (lab, room) = (lab?, room?);
+    let caught = |setup: &Setup| {
+        parallel::map(throws, |index| {
+            let (seed, index) = (options.seed, index as u64);
+            let trial = trial::run_unobserved(&mut setup.brain(seed, index), setup, seed, index);
+            referee::judge(setup, &trial).caught
+        })
+    };
+    let pairs: Vec<(bool, bool)> = caught(&lab).into_iter().zip(caught(&room)).collect();
+    let count = |those: &dyn Fn(&(bool, bool)) -> bool| pairs.iter().filter(|it| those(it)).count();
+    let (gained, lost) = (count(&|it| !it.0 && it.1), count(&|it| it.0 && !it.1));
+    let [from, to] = paired95(gained, lost, pairs.len());
+    let difference = (gained as f64 - lost as f64) / pairs.len().max(1) as f64;
+    let in_room = vec![
+        Entry::text(object),
+        Entry::Count(pairs.len()),
+        rate(count(&|it| it.0), pairs.len()),
+        rate(count(&|it| it.1), pairs.len()),
+        Entry::Spread([difference, from, to].map(|it| 100.0 * it).into()),
+    ];
+    let quiet = parallel::map(scenes, |index| quiet(&room, options.seed, index as u64));
+    let starts = vec![
+        Entry::text(object),
+        Entry::Count(scenes),
+        Entry::Count(quiet.iter().map(|it| it.0).sum()),
+        Entry::Count(quiet.iter().filter(|it| it.1).count()),
+    ];
+    Ok([in_room, starts])
 }
