@@ -7,27 +7,13 @@ use serde::{Serialize, de::DeserializeOwned};
 
 use crate::results::last_change;
 
-/// Sources that throws depend on.
-pub const SOURCES: &[&str] = &[
-    "assets",
-    "crates/catch_body",
-    "crates/catch_bot",
-    "crates/catch_calibration",
-    "crates/catch_cell",
-    "crates/catch_import",
-    "crates/catch_lab/src",
-    "crates/catch_paper",
-    "crates/catch_recording",
-    "crates/catch_sim",
-];
-
 /// The part of an experiment that an earlier run at the same commit kept under this name, or else a new one.
 pub fn part<T: Serialize + DeserializeOwned>(
     experiment: &str,
     name: &str,
     make: impl FnOnce() -> Result<T>,
 ) -> Result<T> {
-    let commit = last_change(SOURCES).replace([' ', ','], "_");
+    let commit = last_change().replace([' ', ','], "_");
     let file = PathBuf::from("target").join(experiment).join(commit).join(name.replace([' ', '/'], "_") + ".json");
     if let Some(known) = fs::read(&file).ok().and_then(|it| serde_json::from_slice(&it).ok()) {
         return Ok(known);

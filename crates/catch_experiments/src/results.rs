@@ -13,7 +13,7 @@ use anyhow::{Context, Result};
 use catch_lab::VERSION;
 use serde::{Deserialize, Serialize};
 
-use crate::{Findings, Options, kept::SOURCES};
+use crate::{Findings, Options};
 
 /// A table; its first columns say what the condition is.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -193,7 +193,7 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
         about,
         command,
         version: VERSION,
-        commit: last_change(SOURCES),
+        commit: last_change(),
         machine: Machine { cpu: cpu(), cores: thread::available_parallelism().map_or(1, usize::from) },
         seed: options.seed,
         trials: options.trials,
@@ -229,20 +229,34 @@ pub fn is_of_today(folder: &Path, name: &str, options: &Options) -> bool {
     }
     let text = fs::read(folder.join(format!("{name}.json"))).ok();
     let measured: Option<Measured> = text.and_then(|it| serde_json::from_slice(&it).ok());
-    measured.is_some_and(|it| (it.commit, it.seed, it.trials) == (last_change(SOURCES), options.seed, options.trials))
+    measured.is_some_and(|it| (it.commit, it.seed, it.trials) == (last_change(), options.seed, options.trials))
 }
 
-/// The last commit that changed anything at these paths from the root of the repository, marked if something
-/// there is not committed; `unknown` outside of a repository.
-pub fn last_change(paths: &[&str]) -> String {
+/// Sources that throws depend on.
+const SOURCES: &[&str] = &[
+    "assets",
+    "crates/catch_body",
+    "crates/catch_bot",
+    "crates/catch_calibration",
+    "crates/catch_cell",
+    "crates/catch_import",
+    "crates/catch_lab/src",
+    "crates/catch_paper",
+    "crates/catch_recording",
+    "crates/catch_sim",
+];
+
+/// The last commit that changed anything there, marked if something is not committed; `unknown` outside of a
+/// repository.
+pub fn last_change() -> String {
     let git = |arguments: &[&str]| {
         let output = Command::new("git").args(arguments).output().ok().filter(|output| output.status.success());
         output.and_then(|it| String::from_utf8(it.stdout).ok()).map(|text| text.trim().to_owned())
     };
-    let Some(commit) = git(&[&["log", "-1", "--format=%h", "--"], paths].concat()) else {
+    let Some(commit) = git(&[&["log", "-1", "--format=%h", "--"], SOURCES].concat()) else {
         return "unknown".to_owned();
     };
-    let status = git(&[&["status", "--porcelain", "--"], paths].concat());
+    let status = git(&[&["status", "--porcelain", "--"], SOURCES].concat());
     if status.is_none_or(|text| !text.is_empty()) { commit + ", changed" } else { commit }
 }
 
