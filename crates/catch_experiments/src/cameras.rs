@@ -1,8 +1,6 @@
-//! Catch rates with rigs of a few near cameras, placed well or anywhere, in a room with people, and how soon
-//! such a camera is noticed that was pushed.
+//! Catch rates with rigs of a few near cameras, placed well or anywhere, and in a room with people.
 
 mod anywhere;
-mod pushed;
 mod room;
 
 use anyhow::Result;
@@ -38,10 +36,9 @@ const SETTINGS: [&str; 7] = [
 ];
 
 /// The scenario honest with one of them.
-pub fn setup(rig: &str, object: &str, settings: &[&str]) -> Result<Setup> {
+pub fn setup(rig: &str, object: &str) -> Result<Setup> {
     let rig = format!("flight_rig=\"{rig}\"");
-    let settings: Vec<String> =
-        [rig.as_str()].iter().chain(&SETTINGS).chain(settings).map(|&it| it.to_owned()).collect();
+    let settings: Vec<String> = [rig.as_str()].iter().chain(&SETTINGS).map(|&it| it.to_owned()).collect();
     let choice = Choice { scenario: Some("honest"), object: Some(object), settings: &settings, ..Choice::default() };
     Ok(Setup::load(&choice)?)
 }
@@ -53,16 +50,16 @@ fn placed(options: &Options) -> Result<Table> {
     for rig in rigs() {
         for object in Kind::Object.names() {
             let name = format!("{rig}-{object}-{}-{}", options.seed, options.trials);
-            let figures = kept::part("placed", &name, || rates::figures(vec![setup(&rig, object, &[])?], options))?;
+            let figures = kept::part("placed", &name, || rates::figures(vec![setup(&rig, object)?], options))?;
             table.rows.push([vec![Entry::text(&rig), Entry::text(object)], figures].concat());
         }
     }
     Ok(table)
 }
 
-/// Rigs that were placed, others, a room, and cameras that were pushed.
+/// Rigs that were placed, others, and a room.
 pub fn run(options: &Options) -> Result<Findings> {
-    let tables = [vec![placed(options)?], anywhere::tables(options)?, room::tables(options)?, pushed::tables(options)?];
-    let legends = [rates::DEFINED, rates::MISSES, anywhere::LEGEND, room::LEGEND, pushed::LEGEND];
+    let tables = [vec![placed(options)?], anywhere::tables(options)?, room::tables(options)?];
+    let legends = [rates::DEFINED, rates::MISSES, anywhere::LEGEND, room::LEGEND];
     Ok(Findings { legend: LEGEND.to_owned() + &legends.concat(), tables: tables.concat() })
 }

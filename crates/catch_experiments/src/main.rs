@@ -65,8 +65,7 @@ enum Experiment {
     Objects,
     /// how often arms with hands that laboratories own catch the built-in objects
     GrippersAndArms,
-    /// how often rigs of a few near cameras let the built-in arm catch, and how soon a pushed camera is
-    /// noticed
+    /// how often rigs of a few near cameras let the built-in arm catch, placed or not, and in a room
     Cameras,
     /// errors of near cameras that are calibrated on the arm, and of poses and predictions
     CalibrationAndPerception,

@@ -25,7 +25,7 @@ pub fn table(options: &Options) -> Result<Table> {
     let scaled = SCALES.iter().flat_map(|&scale| rigs.last().map(|rig| (rig, scale)));
     for (rig, scale) in rigs.iter().map(|rig| (rig, 1.0)).chain(scaled) {
         let object = Kind::Object.names()[0];
-        let mut setup = cameras::setup(rig, object, &[])?;
+        let mut setup = cameras::setup(rig, object)?;
         for camera in &mut setup.cameras {
             [camera.width_px, camera.height_px] =
                 [camera.width_px, camera.height_px].map(|it| (f64::from(it) * scale) as u32);
