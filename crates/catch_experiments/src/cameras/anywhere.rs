@@ -137,15 +137,13 @@ fn figures<'a>(thrown: impl Iterator<Item = &'a Thrown>) -> Vec<Entry> {
 pub fn tables(options: &Options) -> Result<Vec<Table>> {
     const FIGURES: [&str; 5] = ["throws", "caught, %", "expected, %", "seen, %", "caught of these, %"];
     let columns = |first: &[&'static str]| [first, &FIGURES].concat();
-    let mut by_rig = Table::new("Two cameras anywhere, by rig", &columns(&["rig", "object"])).across("object");
+    let mut by_rig = Table::new("Two cameras anywhere, by rig", &columns(&["rig"]));
     let mut by_throw = Table::new("Two cameras anywhere, by throw", &columns(&["throw", "object"]));
     let of = |rigs: Range<u64>| rigs.map(|rig| Ok((rig, of_rig(rig, options)?))).collect::<Result<Vec<_>>>();
     let (fitted, all) = (of(FITTED)?, of(REPORTED)?);
     for (rig, thrown) in &all {
-        for object in Kind::Object.names() {
-            let of_object = thrown.iter().filter(|it| it.1 == object).flat_map(|it| &it.2);
-            by_rig.rows.push([vec![Entry::Count(*rig as usize), Entry::text(object)], figures(of_object)].concat());
-        }
+        let row = figures(thrown.iter().flat_map(|it| &it.2));
+        by_rig.rows.push([vec![Entry::Count(*rig as usize)], row].concat());
     }
     let thrown = || all.iter().flat_map(|it| &it.1);
     for throw in THROWS {

@@ -24,7 +24,7 @@ Throws are the same in both. Where nothing is in flight, the person walks as alw
 const QUIET_S: f64 = 2.0;
 /// Throws of an object per trial of the page: a room takes ten times as long as none. Scenes in which nothing
 /// flies.
-const PER_TRIAL: [f64; 2] = [0.2, 0.25];
+const PER_TRIAL: [f64; 2] = [0.1, 0.1];
 
 fn setup(scenario: &str, object: &str) -> Result<Setup> {
     let setup = Setup::load(&Choice { scenario: Some(scenario), object: Some(object), ..Choice::default() })?;
