@@ -17,8 +17,8 @@ use crate::{
     spread::rate,
 };
 
-pub const LEGEND: &str = "\n\nThe scenario `room` is `lab` among walls, furniture, a person who walks by and the person who throws, all of which the cameras see and nobody has told the brain. \
-Throws are the same in both. Where nothing is in flight, the person walks as always, and each motion of the arm is a false start.";
+pub const LEGEND: &str = "\n\nThe scenario `room` is `lab` among walls, furniture, a person who walks by and the person who throws, which the cameras see and the brain is not told. \
+Throws are the same in both. Where nothing flies the person walks, and each motion of the arm is a false start.";
 
 /// Images of a scene in which nothing flies are those of so many seconds.
 const QUIET_S: f64 = 2.0;
