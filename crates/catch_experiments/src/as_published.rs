@@ -147,7 +147,7 @@ pub fn run(options: &Options) -> Result<Findings> {
 
 /// Table of the change that each assumption makes, around the throws.
 fn prices(options: &Options, count: usize) -> Result<Table> {
-    let columns = ["assumption", "what is taken away", "trials", "5 cm, %", "change", "held, %", "change"];
+    let columns = ["assumption", "what is taken away", "trials", "5 cm, %", "change, 5 cm", "held, %", "change, held"];
     let mut table = Table::new("What each assumption was worth", &columns);
     let first = verdicts_around(&[], options.seed, count)?;
     let none = Assumption { name: "none".to_owned(), about: "nothing".to_owned(), set: Vec::new(), alone: None };

@@ -145,7 +145,7 @@ fn main() -> Result<()> {
     let ((_, about), (usual, run)) = (experiment.said(), experiment.plan());
     let options = Options { seed, trials: trials.unwrap_or(usual), tracks };
     if results::is_of_today(&out, &name, &options) {
-        println!("{name}: measured already");
+        println!("{name}: measured already; without {name}.json it is measured anew");
         return Ok(());
     }
     let findings = run(&options).with_context(|| format!("experiment {name}"))?;

@@ -219,7 +219,8 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
     Ok(path)
 }
 
-/// Whether the document of an experiment holds what this command would measure at this state of the sources.
+/// Whether the throws of an experiment's document are those of this command, at this state of all that they
+/// depend on. How it counts them, and which conditions it has, may have changed since.
 pub fn is_of_today(folder: &Path, name: &str, options: &Options) -> bool {
     #[derive(Deserialize)]
     struct Measured {

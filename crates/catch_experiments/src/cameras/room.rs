@@ -56,7 +56,7 @@ pub fn tables(options: &Options) -> Result<Vec<Table>> {
     let mut starts = Table::new("Nothing in flight in the room", &["object", "scenes", "images", "false starts"]);
     let [throws, scenes] = PER_TRIAL.map(|it| (it * options.trials as f64).ceil() as usize);
     for object in Kind::Object.names() {
-        let name = format!("{object}-{}-{}", options.seed, options.trials);
+        let name = format!("{object}-{}-{throws}-{scenes}", options.seed);
         let [in_room, quiet] = kept::part("room", &name, || of_object(object, options, [throws, scenes]))?;
         rates.rows.push(in_room);
         starts.rows.push(quiet);
