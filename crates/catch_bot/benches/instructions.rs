@@ -14,16 +14,18 @@ mod inputs;
 #[path = "../tests/it/synthetic.rs"]
 mod synthetic;
 
-use std::{collections::BTreeMap, fs, hint::black_box, process::Command, sync::Arc};
+use std::{collections::BTreeMap, f64::consts::PI, fs, hint::black_box, process::Command, sync::Arc};
 
 use catch_bot::{
     grasp_selection::{self, GraspSet},
-    perception::{self, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, Symmetry, View, Workspace},
+    perception::{
+        self, DepthNoise, PoseEstimator, ReferenceModel, RotationGroup, SdfEstimator, Symmetry, View, Workspace,
+    },
     trajectory_optimization::{CatchSearch, Incoming, Start, failure_counter::FailureCounter, retarget::Correction},
     trajectory_prediction::{self, AerodynamicPrior, FlightPredictor, FlightTrajectory, InformationFit, ProcessNoise},
 };
 use inputs::{Images, arm};
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use synthetic::{Noise, Shape};
 
 const BASELINE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/instructions.txt");
@@ -32,12 +34,12 @@ const TOLERANCE: f64 = 0.1;
 
 /// Stages by name.
 const STAGES: [(&str, fn()); 12] = [
-    ("registration", || perceive(Noise::Clean, true, true, SETTLED)),
-    ("registration_with_silhouettes", || perceive(Noise::Stereo7, true, true, SETTLED)),
-    ("registration_with_half_turn", || perceive(Noise::Stereo7, true, true, 0)),
-    ("segmentation", || perceive(Noise::Clean, false, true, SETTLED)),
-    ("global_registration", || perceive(Noise::Clean, true, false, 0)),
-    ("detection", || perceive(Noise::Clean, false, false, 0)),
+    ("registration", || perceive(Noise::Clean, true, true, false)),
+    ("registration_with_silhouettes", || perceive(Noise::Stereo7, true, true, false)),
+    ("registration_with_half_turn", || perceive(Noise::Stereo7, true, true, true)),
+    ("segmentation", || perceive(Noise::Clean, false, true, false)),
+    ("global_registration", || perceive(Noise::Clean, true, false, true)),
+    ("detection", || perceive(Noise::Clean, false, false, true)),
     ("trajectory_prediction", || predict_flight(&Shape::ball(), None, &told())),
     ("trajectory_prediction_of_ball", || predict_flight(&Shape::ball(), Some(Symmetry::Sphere), &expected())),
     ("trajectory_prediction_of_bottle", || predict_flight(&Shape::Bottle, None, &expected())),
@@ -66,26 +68,24 @@ fn counted<T>(work: &mut impl FnMut() -> T) -> T {
     work()
 }
 
-/// Images after which it is known which end of an object is which.
-const SETTLED: usize = 20;
-
-/// A pose of an object from one set of images, with masks or without, a predicted pose given or not, after so
-/// many others.
-fn perceive(noise: Noise, masks: bool, tracked: bool, before: usize) {
+/// A pose of an object from one set of images, with masks or without, a predicted pose given or not, while it
+/// is open which end of the object is which, or for one that looks the same after half a turn.
+fn perceive(noise: Noise, masks: bool, tracked: bool, is_open: bool) {
     let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
     let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
     let config = perception::Config { depth_noise, ..Default::default() };
     let shape = Shape::banana();
-    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 64)));
+    let mut reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 64));
+    if let (false, Symmetry::Finite { group, inertia_per_kg }) = (is_open, &mut reference.symmetry) {
+        let axes = inertia_per_kg.symmetric_eigen().eigenvectors;
+        *group = RotationGroup::generated([0, 1].map(|i| UnitQuaternion::from_scaled_axis(axes.column(i) * PI)));
+    }
+    let reference = Arc::new(reference);
     let Images { cameras, mut frames, prior } = Images::new(&shape, &reference, noise);
     frames.iter_mut().filter(|_| !masks).for_each(|frame| frame.mask = None);
     let view = View { frames: &frames, cameras: &cameras, ..View::default() };
     let mut estimator = SdfEstimator::new(config, reference, Workspace::default());
-    let mut estimate = || estimator.estimate(&view, tracked.then_some(prior).into()).expect("a pose");
-    for _ in 0..before {
-        estimate();
-    }
-    run(estimate);
+    run(|| estimator.estimate(&view, tracked.then_some(prior).into()).expect("a pose"));
 }
 
 /// A flight from thirty poses and the flight before.

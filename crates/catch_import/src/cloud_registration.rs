@@ -145,7 +145,13 @@ fn register_cloud(
 /// Points as a scene. No direction is noisier than the others: all of the noise is the model's.
 fn scene<'a>(points: impl Iterator<Item = &'a Point3<f64>>) -> SceneCloud {
     let mut scene = SceneCloud::default();
-    let seen = |p_W: &Point3<f64>| ScenePoint { p_W: *p_W, per_depth_W: Vector3::zeros(), depth_sd_m: 0.0, image: 0 };
+    let seen = |p_W: &Point3<f64>| ScenePoint {
+        p_W: *p_W,
+        per_depth_W: Vector3::zeros(),
+        depth_sd_m: 0.0,
+        pixel_m: 0.0,
+        image: 0,
+    };
     scene.points.extend(points.map(seen));
     scene
 }

@@ -3,54 +3,59 @@
 //! A banana 4 m from a stereo camera is four pixels wide, and its depths err by 3 cm. Its outline is known to
 //! a part of a pixel, but a banana whose stem is turned towards the camera and one whose stem is turned away
 //! have the same outline (Necker's reversal). The depths of some hundred pixels tell them apart: their mean
-//! is the object's distance, and their slope across the image is how it is tilted.
+//! is the object's distance, and their slopes across the image are those of the side that faces the camera.
 
 use catch_body::Pose;
-use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Point3, Rotation3, Vector2, Vector3};
 
-use super::{ReferenceModel, normal_equations::NormalEquations, point_cloud::ScenePoint};
+use super::{ReferenceModel, normal_equations::NormalEquations, point_cloud::ScenePoint, silhouette::stride};
 
-/// Mean distance of the visible surface in front of an object's centre, in inner radii: two thirds for a
-/// ball.
-const FACING_RADII: f64 = 2.0 / 3.0;
+/// Standard deviation by which the places of an object's points are blurred, by the width of edges: pixels
+/// beside the object that show its depth spread them across the image, and flatten slopes.
+const BLUR_FRACTION: f64 = 0.7;
+/// Points of the reference by which its visible side is known.
+const FACING_POINTS: usize = 200;
+/// Step of the differences by which slopes are derived.
+const DIFFERENCE_RAD: f64 = 0.01;
 /// Standard deviation of the plane through the visible surface beside that of the reference, in inner radii.
-const PLANE_SD_RADII: f64 = 0.5;
+const PLANE_SD_RADII: f64 = 0.15;
 
 /// The plane through the points of one image.
 pub(super) struct DepthPlane {
     /// Mean of the points.
     p_W: Vector3<f64>,
-    /// Unit vector along the mean ray, and two across.
-    along_W: Vector3<f64>,
-    across_W: Matrix3x2<f64>,
+    /// Two unit vectors across the mean ray, and one along it, as columns.
+    R_WC: Matrix3<f64>,
     /// Mean square of where the points lie across, in m², and the slopes of their depths there.
     spread_m2: Matrix2<f64>,
     slopes: Vector2<f64>,
     /// Variances of the plane in m²: of its mean, and at a distance of one standard deviation of the points.
     mean_m2: f64,
     tilt_m2: f64,
+    /// Variance in m² by which the places of the points are blurred.
+    blur_m2: f64,
 }
 
 impl DepthPlane {
     /// Lays the plane through the points of one image, of whose depths' variance this fraction is common.
-    pub fn new(image: &[ScenePoint], reference: &ReferenceModel, common_fraction: f64) -> Self {
+    pub fn new(image: &[ScenePoint], reference: &ReferenceModel, common_fraction: f64, edge_px: u32) -> Self {
         let count = image.len().max(1) as f64;
-        let ([mut p_W, mut ray_W], mut depth_sd_m) = ([Vector3::zeros(); 2], 0.0);
+        let ([mut p_W, mut ray_W], [mut depth_sd_m, mut pixel_m]) = ([Vector3::zeros(); 2], [0.0; 2]);
         for point in image {
             p_W += point.p_W.coords / count;
             ray_W += point.per_depth_W / count;
             depth_sd_m += point.depth_sd_m / count;
+            pixel_m += point.pixel_m / count;
         }
         let along_W = ray_W.normalize();
         let beside = if along_W.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
         let right_W = along_W.cross(&beside).normalize();
-        let across_W = Matrix3x2::from_columns(&[right_W, along_W.cross(&right_W)]);
+        let R_WC = Matrix3::from_columns(&[right_W, along_W.cross(&right_W), along_W]);
         let (mut spread_m2, mut with_depth_m2) = (Matrix2::identity() * 1e-9, Vector2::zeros());
         for point in image {
-            let from_mean_W = point.p_W.coords - p_W;
-            let across = across_W.tr_mul(&from_mean_W);
-            spread_m2 += across * across.transpose() / count;
-            with_depth_m2 += across * (along_W.dot(&from_mean_W) / count);
+            let from_mean = R_WC.tr_mul(&(point.p_W.coords - p_W));
+            spread_m2 += from_mean.xy() * from_mean.xy().transpose() / count;
+            with_depth_m2 += from_mean.xy() * (from_mean.z / count);
         }
         let slopes = spread_m2.try_inverse().map_or(Vector2::zeros(), |it| it * with_depth_m2);
         let depth_m2 = ray_W.norm_squared() * depth_sd_m * depth_sd_m;
@@ -58,33 +63,26 @@ impl DepthPlane {
         let shape_m = PLANE_SD_RADII * reference.inner_radius_m;
         let tilt_m2 = own_m2 + shape_m * shape_m;
         let mean_m2 = tilt_m2 + depth_m2 * common_fraction;
-        Self { p_W, along_W, across_W, spread_m2, slopes, mean_m2, tilt_m2 }
+        let blur_m = BLUR_FRACTION * f64::from(edge_px) * pixel_m;
+        Self { p_W, R_WC, spread_m2, slopes, mean_m2, tilt_m2, blur_m2: blur_m * blur_m }
     }
 
     /// Adds how the plane differs from that of the reference at a pose, and returns the mean square of the
     /// tilt, in standard deviations.
-    ///
-    /// With the reference's second moment C in W, the slopes are Cₐₐ⁻¹·Cₐ_d, where a is across the ray and d
-    /// along it: exact for ellipsoids, whose visible side is as tilted as their middle.
     pub fn add_to(&self, equations: &mut NormalEquations, reference: &ReferenceModel, X_WO: &Pose) -> f64 {
-        let Self { along_W, across_W, spread_m2, .. } = self;
-        let R_WO = X_WO.rotation.to_rotation_matrix();
-        let beyond_m = along_W.dot(&(self.p_W - X_WO.translation.vector)) + FACING_RADII * reference.inner_radius_m;
-        let n_O = R_WO.transpose() * along_W;
-        equations.add(&nalgebra::Point3::origin(), &n_O, 1.0 / self.mean_m2, beyond_m / self.mean_m2);
+        let Some(root) = self.spread_m2.cholesky() else { return 0.0 };
+        let R_OC = X_WO.rotation.inverse().to_rotation_matrix() * self.R_WC;
+        let facing = Facing::of(reference, &R_OC, self.blur_m2);
+        let n_O = R_OC.column(2).into_owned();
+        let beyond_m = self.R_WC.column(2).dot(&(self.p_W - X_WO.translation.vector)) - facing.depth_m;
+        equations.add(&Point3::origin(), &n_O, 1.0 / self.mean_m2, beyond_m / self.mean_m2);
 
-        let C_O = reference.second_moment_m2;
-        let across_O = R_WO.transpose().matrix() * across_W;
-        let across_m2: Matrix2<f64> = across_O.tr_mul(&(C_O * across_O));
-        let (Some(inverse), Some(root)) = (across_m2.try_inverse(), spread_m2.cholesky()) else { return 0.0 };
-        let slopes: Vector2<f64> = inverse * across_O.tr_mul(&(C_O * n_O));
-        let residual = root.l().tr_mul(&(self.slopes - slopes));
-        // R → R·exp(δ) changes R·C·Rᵀ by R·(δ×·C + (δ×·C)ᵀ)·Rᵀ.
+        let residual = root.l().tr_mul(&(self.slopes - facing.slopes));
+        // A small rotation δ of the object is one of −δ of the camera about it.
         let by_turn: [Vector2<f64>; 3] = std::array::from_fn(|axis| {
-            let turned = Vector3::ith(axis, 1.0).cross_matrix() * C_O;
-            let change = turned + turned.transpose();
-            let across_change: Matrix2<f64> = across_O.tr_mul(&(change * across_O));
-            -root.l().tr_mul(&(inverse * (across_O.tr_mul(&(change * n_O)) - across_change * slopes)))
+            let turned = Rotation3::new(-Vector3::ith(axis, DIFFERENCE_RAD)) * R_OC;
+            let change = Facing::of(reference, &turned, self.blur_m2).slopes - facing.slopes;
+            -root.l().tr_mul(&change) / DIFFERENCE_RAD
         });
         for i in 0..2 {
             let [x, y, z] = by_turn.map(|it| it[i]);
@@ -94,13 +92,45 @@ impl DepthPlane {
     }
 }
 
+/// The side of the reference that faces a camera, as its pixels would have it.
+struct Facing {
+    /// Mean depth beyond the origin of O.
+    depth_m: f64,
+    /// Slopes of the depths across the image.
+    slopes: Vector2<f64>,
+}
+
+impl Facing {
+    /// Regression of the depths of what faces a camera far away, whose axes in O are the columns of `R_OC`.
+    fn of(reference: &ReferenceModel, R_OC: &Matrix3<f64>, blur_m2: f64) -> Self {
+        let stride = stride(reference.points.len(), FACING_POINTS);
+        let along_O = R_OC.column(2);
+        let (mut weights, mut mean, mut squares) = (1e-12, Vector3::zeros(), Matrix3::identity() * 1e-18);
+        for (p_O, n_O) in reference.points.iter().zip(&reference.normals).step_by(stride) {
+            let weight = -n_O.dot(&along_O);
+            if weight > 0.0 {
+                let p_C = R_OC.tr_mul(&p_O.coords);
+                weights += weight;
+                mean += p_C * weight;
+                squares += p_C * p_C.transpose() * weight;
+            }
+        }
+        let mean = mean / weights;
+        let spread = squares / weights - mean * mean.transpose();
+        let across = (spread.fixed_view::<2, 2>(0, 0) + Matrix2::identity() * blur_m2).try_inverse();
+        let slopes = across.map_or(Vector2::zeros(), |it| it * spread.fixed_view::<2, 1>(0, 2));
+        Self { depth_m: mean.z, slopes }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use catch_body::Pose;
     use nalgebra::{Point3, UnitQuaternion};
 
     use super::*;
-    use crate::perception::synthetic::{self, Shape};
+
+    const SEMI_AXES: [f64; 3] = [0.02, 0.03, 0.1];
 
     /// Points of the side of an ellipsoid that a camera far above sees, in W.
     fn visible(X_WO: &Pose, semi_axes: [f64; 3]) -> Vec<ScenePoint> {
@@ -116,7 +146,7 @@ mod tests {
                 let root = b * b - a * (across.dot(&(A * across)) - 1.0);
                 let z = (root >= 0.0).then(|| (root.sqrt() - b) / a)?;
                 let p_W = Point3::from(across + Vector3::z() * z + X_WO.translation.vector);
-                Some(ScenePoint { p_W, per_depth_W: ray_W, depth_sd_m: 0.01, image: 0 })
+                Some(ScenePoint { p_W, per_depth_W: ray_W, depth_sd_m: 0.01, pixel_m: 2e-3, image: 0 })
             })
             .collect()
     }
@@ -125,19 +155,34 @@ mod tests {
         Pose::from_parts(nalgebra::Translation3::new(0.1, -0.2, 1.0), UnitQuaternion::new(Vector3::x() * about_x_rad))
     }
 
-    fn ellipsoid() -> ReferenceModel {
-        let mut reference = synthetic::reference(&Shape::Sphere { radius: 0.02 }, 200);
-        reference.second_moment_m2 =
-            nalgebra::Matrix3::from_diagonal(&Vector3::new(0.02, 0.03, 0.1).map(|it| it * it / 5.0));
-        reference
+    /// An ellipsoid with points that are as dense everywhere, in no order.
+    fn ellipsoid(semi_axes: [f64; 3]) -> ReferenceModel {
+        let (axes, golden) = (Vector3::from(semi_axes), std::f64::consts::PI * (3.0 - 5.0_f64.sqrt()));
+        let on_sphere = (0..2000).map(|i| 7 * i % 2000).map(|i| {
+            let z: f64 = 1.0 - (f64::from(i) + 0.5) / 1000.0;
+            let (sin, cos) = (golden * f64::from(i)).sin_cos();
+            Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z
+        });
+        let (mut points, mut normals, mut area) = (Vec::new(), Vec::new(), 0.0);
+        for n in on_sphere {
+            // By so much is the surface stretched there.
+            let normal = n.component_div(&axes);
+            area += normal.norm() * axes.min();
+            while area > 1.0 {
+                area -= 1.0;
+                points.push(Point3::from(n.component_mul(&axes)));
+                normals.push(normal.normalize());
+            }
+        }
+        ReferenceModel { points, normals, inner_radius_m: axes.min(), ..ReferenceModel::default() }
     }
 
     #[test]
     fn the_visible_side_of_an_ellipsoid_is_as_tilted_as_its_middle() {
-        let reference = ellipsoid();
+        let reference = ellipsoid(SEMI_AXES);
         for about_x_rad in [0.3, 1.0, -0.7] {
             let X_WO = tilted(about_x_rad);
-            let plane = DepthPlane::new(&visible(&X_WO, [0.02, 0.03, 0.1]), &reference, 0.5);
+            let plane = DepthPlane::new(&visible(&X_WO, SEMI_AXES), &reference, 0.5, 0);
             let mut equations = NormalEquations::ZERO;
             let right = plane.add_to(&mut equations, &reference, &X_WO);
             let reversed = plane.add_to(&mut equations, &reference, &tilted(-about_x_rad));
@@ -148,8 +193,8 @@ mod tests {
     /// The gradient is that of the cost, by finite differences.
     #[test]
     fn the_gradient_is_that_of_the_cost() {
-        let reference = ellipsoid();
-        let plane = DepthPlane::new(&visible(&tilted(0.8), [0.02, 0.03, 0.1]), &reference, 0.5);
+        let reference = ellipsoid(SEMI_AXES);
+        let plane = DepthPlane::new(&visible(&tilted(0.8), SEMI_AXES), &reference, 0.5, 0);
         let X_WO = tilted(0.5) * Pose::rotation(Vector3::new(0.1, 0.2, -0.3));
         let cost = |turn: Vector3<f64>| {
             let mut equations = NormalEquations::ZERO;
@@ -161,7 +206,7 @@ mod tests {
         for axis in 0..3 {
             let step = Vector3::ith(axis, 1e-6);
             let found = (cost(step) - cost(-step)) / 2e-6;
-            assert!((found - gradient[axis]).abs() < 1e-4 * gradient.norm(), "{axis}: {found} {gradient}");
+            assert!((found - gradient[axis]).abs() < 0.02 * gradient.norm(), "{axis}: {found} {gradient}");
         }
     }
 }

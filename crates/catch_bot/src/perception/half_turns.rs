@@ -12,11 +12,15 @@ use nalgebra::{SymmetricEigen, UnitQuaternion, Vector3};
 use super::{Symmetry, registration::Fit};
 
 /// Largest evidence of one image, so that no single one decides: −2 × the logarithm of a likelihood ratio.
-const MOST_OF_IMAGE: f64 = 30.0;
-/// Evidence from which on the other orientation is believed.
-const DECISIVE: f64 = 60.0;
+const MOST_OF_IMAGE: f64 = 4.0;
+/// Evidence from which on the other orientation is believed: it is e⁴ times as likely.
+const DECISIVE: f64 = 8.0;
 /// Evidence for the present orientation from which on the other one is no longer asked for.
-const SETTLED: f64 = 150.0;
+const SETTLED: f64 = 20.0;
+/// An image that gives less evidence does not tell both orientations apart, nor will the next few.
+const TELLING: f64 = 2.0;
+/// Images after which an orientation is compared again at the latest.
+const LONGEST_PAUSE: usize = 7;
 /// Steps from the other orientation before it is compared: it is near by then, and one that is not counts as
 /// worse.
 pub(super) const COMPARED_AFTER: usize = 8;
@@ -30,6 +34,9 @@ struct HalfTurn {
     rotation: UnitQuaternion<f64>,
     /// Evidence for the rotation.
     evidence: f64,
+    /// Images that are passed over between two comparisons, and how many of them are left.
+    pause: usize,
+    left: usize,
 }
 
 /// The half turns that change an object's looks, and what the images so far say for them.
@@ -58,13 +65,14 @@ impl HalfTurns {
         let rotations = axes.iter().map(|axis| UnitQuaternion::from_scaled_axis(axis * PI));
         let changes =
             |it: &UnitQuaternion<f64>| symmetry.turn_between(&UnitQuaternion::identity(), it).norm() > ALIKE_RAD;
-        let turns = rotations.filter(changes).map(|rotation| HalfTurn { rotation, evidence: 0.0 }).collect();
+        let turns =
+            rotations.filter(changes).map(|rotation| HalfTurn { rotation, evidence: 0.0, pause: 0, left: 0 }).collect();
         Self { symmetry: *symmetry, turns, next: 0 }
     }
 
     /// Forgets all images.
     pub fn reset(&mut self) {
-        self.turns.iter_mut().for_each(|it| it.evidence = 0.0);
+        self.turns.iter_mut().for_each(|it| (it.evidence, it.pause, it.left) = (0.0, 0, 0));
         self.next = 0;
     }
 
@@ -72,7 +80,9 @@ impl HalfTurns {
     /// latter once the images speak for it.
     pub fn compare(&mut self, fit: &Fit, register: impl FnOnce(&Pose) -> Fit) -> Option<Fit> {
         let open = (0..self.turns.len()).map(|i| (self.next + i) % self.turns.len());
-        let asked = open.into_iter().find(|i| self.turns[*i].evidence > -SETTLED)?;
+        let asked = open.into_iter().find(|i| self.turns[*i].evidence > -SETTLED && self.turns[*i].left == 0);
+        self.turns.iter_mut().for_each(|it| it.left = it.left.saturating_sub(1));
+        let asked = asked?;
         self.next = asked + 1;
         let turn = &mut self.turns[asked];
         let turned = Pose::from_parts(fit.X_WO.translation, fit.X_WO.rotation * turn.rotation);
@@ -81,6 +91,8 @@ impl HalfTurns {
         let other = Some(register(&turned)).filter(differs);
         let better = other.map_or(-MOST_OF_IMAGE, |other| fit.robust_cost - other.robust_cost);
         turn.evidence += better.clamp(-MOST_OF_IMAGE, MOST_OF_IMAGE);
+        turn.pause = if better.abs() < TELLING { (2 * turn.pause + 1).min(LONGEST_PAUSE) } else { 0 };
+        turn.left = turn.pause;
         let is_other = turn.evidence > DECISIVE;
         if is_other {
             self.reset();
@@ -130,12 +142,21 @@ mod tests {
         let new = || HalfTurns::new(&Symmetry::Axis { axis: Vector3::z_axis(), reversible: false, axial_inertia: 1.0 });
         // A single one has no say, however clear it is, nor have many that contradict each other.
         let mut turns = new();
-        for better in [1e6, 1.0, -1e6, 1e6, -5.0, -1e6] {
+        for better in [1e6, 3.0, -1e6, 1e6, -5.0, -1e6] {
             assert!(turns.compare(&fit(0.0, 0.0), |_| fit(PI, better)).is_none());
         }
         let mut turns = new();
-        let decided = (1..10).find(|_| turns.compare(&fit(0.0, 0.0), |_| fit(PI, 25.0)).is_some());
+        let decided = (1..10).find(|_| turns.compare(&fit(0.0, 0.0), |_| fit(PI, 3.5)).is_some());
         assert_eq!(decided, Some(3));
+        // An image that says little lets more and more others pass.
+        let (mut turns, mut asked) = (new(), Vec::new());
+        for image in 0..32 {
+            turns.compare(&fit(0.0, 0.0), |_| {
+                asked.push(image);
+                fit(PI, 0.1)
+            });
+        }
+        assert_eq!(asked, [0, 2, 6, 14, 22, 30]);
         // Where the other one is worse, or leads back, it is soon left alone.
         for leads_to in [fit(PI, -1e6), fit(0.1, 1e6)] {
             let (mut turns, mut asked) = (new(), 0);

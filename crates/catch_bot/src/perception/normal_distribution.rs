@@ -30,6 +30,11 @@ pub fn inverse_mills(u: f64) -> f64 {
     }
 }
 
+/// −ln Φ(−u): what a bound costs that is broken by so many standard deviations.
+pub fn bound_cost(u: f64) -> f64 {
+    (0.5 * (u * u + libm::log(std::f64::consts::TAU)) + libm::log(inverse_mills(u))).max(0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -45,6 +50,8 @@ mod tests {
         for u in [-4.0, -1.5, -0.2, 0.0, 0.7, 2.0, 5.0] {
             let slope = -(libm::log(upper_tail(u + 1e-3)) - libm::log(upper_tail(u - 1e-3))) / 2e-3;
             assert!((inverse_mills(u) - slope).abs() < 1e-4 * slope.max(0.01), "{u}: {} {slope}", inverse_mills(u));
+            let cost = -libm::log(upper_tail(u));
+            assert!((bound_cost(u) - cost).abs() < 1e-4 * cost.max(0.01), "{u}: {} {cost}", bound_cost(u));
         }
     }
 }

@@ -40,6 +40,8 @@ pub struct ScenePoint {
     pub per_depth_W: Vector3<f64>,
     /// Standard deviation of its depth in metres.
     pub depth_sd_m: f64,
+    /// Size of its pixel there, in metres.
+    pub pixel_m: f64,
     /// Number of its image among those that its cloud is from: depths of one image err together.
     pub image: usize,
 }
@@ -268,6 +270,7 @@ impl Image<'_> {
                     p_W: Point3::from(p_WC + per_depth_W * depth_m),
                     per_depth_W,
                     depth_sd_m: config.depth_sd_m(depth_m),
+                    pixel_m: depth_m / camera.focal_px,
                     image: number,
                 });
             }

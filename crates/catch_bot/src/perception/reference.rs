@@ -48,8 +48,6 @@ pub struct ReferenceModel {
     pub inner_radius_m: f64,
     /// Volume in m³.
     pub volume_m3: f64,
-    /// Mean of x·xᵀ over the volume, in O, in m².
-    pub second_moment_m2: Matrix3<f64>,
     /// Turns under which the object looks the same, and how it tumbles.
     pub symmetry: Symmetry,
     /// Signed distance from the surface, in O.
@@ -108,18 +106,7 @@ impl ReferenceModel {
         let symmetry = Symmetry::find(&points, &distance, &second_moment, SYMMETRY_TOLERANCE_M, confused_m);
         let X_RO = Pose::from_parts(Translation3::from(centre.coords), UnitQuaternion::identity());
         let scanned = Vec::new();
-        Self {
-            points,
-            normals,
-            scanned,
-            X_RO,
-            radius_m,
-            inner_radius_m,
-            volume_m3,
-            second_moment_m2: second_moment,
-            symmetry,
-            distance,
-        }
+        Self { points, normals, scanned, X_RO, radius_m, inner_radius_m, volume_m3, symmetry, distance }
     }
 }
 

@@ -37,7 +37,8 @@ pub struct Fit {
     /// Mean square of the silhouette rays' residuals in standard deviations, where the silhouette was used,
     /// or as much as depths too noisy to show a shape are tilted otherwise, if that is more.
     pub silhouette_mismatch: Option<f64>,
-    /// Robust cost of all residuals, outliers included, by which different starts are compared.
+    /// −2 × the log-likelihood of all residuals, outliers included, up to a constant: by it different starts
+    /// are compared.
     pub robust_cost: f64,
     /// Iterations.
     pub iterations: usize,
@@ -65,8 +66,6 @@ const NEAR_SD: f64 = 10.0;
 const NEAR_TOLERANCE: f64 = 2.0;
 /// Mean distances of points below this are all perfect, in metres.
 const LEAST_MEAN_M: f64 = 1e-5;
-/// Mean violations of the silhouette below this fraction of a pixel are all perfect.
-const LEAST_MEAN_PX: f64 = 5e-4;
 /// The silhouette's scale falls to this fraction from one step to the next at most: bounds close in on the
 /// pose gradually.
 const LEAST_SHRINKING: f64 = 0.6;
@@ -162,9 +161,7 @@ impl Summed {
             points_mismatch: has_shape.then(|| on_points.squares / weight),
             silhouette_mismatch: (!silhouette.is_empty())
                 .then(|| silhouette.mean_square().max(self.tilted / TILT_SCATTER)),
-            robust_cost: robust_cost(on_points, depths.residuals.len(), LEAST_MEAN_M)
-                + robust_cost(on_rays, silhouette.len(), LEAST_MEAN_PX * silhouette.pixel_m())
-                + 2.0 * self.tilted,
+            robust_cost: robust_cost(on_points, depths.residuals.len()) + silhouette.cost() + 2.0 * self.tilted,
             iterations: 0,
         }
     }
@@ -239,6 +236,7 @@ impl<'a> Registration<'a> {
         let shapeless_above_m =
             if silhouette.is_empty() { f64::INFINITY } else { HOPELESS_RADII * reference.inner_radius_m };
         let mut depths = Depths::new(points, residuals, shapeless_above_m);
+        depths.planes = self.planes(&depths);
         let mut X_WO = *start;
         let observable = reference.symmetry.observable();
         silhouette.find(reference, &X_WO);
@@ -293,21 +291,21 @@ impl<'a> Registration<'a> {
         scales.points = typical(&on_points);
         let mut equations = on_rays.equations;
         equations.add_scaled(&on_points.equations, scales.points.powi(-2));
-        let tilted = self.add_planes(&mut equations, depths, X_WO);
+        let planes = depths.planes.iter().flatten();
+        let tilted = planes.map(|plane| plane.add_to(&mut equations, self.reference, X_WO)).sum();
         Summed { on_points, on_rays, tilted, equations }
     }
 
-    /// Adds the plane through the depths of each image whose single depths do not show the object's shape.
-    /// Returns the mean square by which they are tilted otherwise, in standard deviations. The silhouettes
-    /// of several images tell more.
-    fn add_planes(&self, equations: &mut NormalEquations, depths: &Depths<'_>, X_WO: &Pose) -> f64 {
-        let Some(common_fraction) = self.config.depth_common_fraction else { return 0.0 };
-        if depths.residuals.len() == depths.points.len() || depths.images().count() >= ENOUGH_SILHOUETTES {
-            return 0.0;
-        }
-        let shapeless = depths.images().filter(|image| !depths.has_shape(image));
-        let planes = shapeless.map(|image| DepthPlane::new(image, self.reference, common_fraction));
-        planes.map(|plane| plane.add_to(equations, self.reference, X_WO)).sum()
+    /// The plane through the depths of each image whose single depths do not show the object's shape. The
+    /// silhouettes of several images tell more.
+    fn planes(&self, depths: &Depths<'_>) -> [Option<DepthPlane>; ENOUGH_SILHOUETTES - 1] {
+        let common_fraction =
+            self.config.depth_common_fraction.filter(|_| depths.images().nth(ENOUGH_SILHOUETTES - 1).is_none());
+        let mut planes = depths
+            .images()
+            .filter(|image| !depths.has_shape(image))
+            .filter_map(|image| Some(DepthPlane::new(image, self.reference, common_fraction?, self.config.edge_px())));
+        std::array::from_fn(|_| planes.next())
     }
 
     /// Sums over the points. The error that the depths of each image have in common is eliminated.
@@ -369,12 +367,14 @@ struct Depths<'a> {
     /// Depths with a larger standard deviation tell no shape: nothing that the object's silhouette does not
     /// say better, and the field is no measure of how they err.
     shapeless_above_m: f64,
+    /// What the depths of the other images tell.
+    planes: [Option<DepthPlane>; ENOUGH_SILHOUETTES - 1],
 }
 
 impl<'a> Depths<'a> {
     fn new(points: &'a [ScenePoint], residuals: &'a mut Vec<PointResidual>, shapeless_above_m: f64) -> Self {
         residuals.clear();
-        let depths = Self { points, residuals, shapeless_above_m };
+        let depths = Self { points, residuals, shapeless_above_m, planes: std::array::from_fn(|_| None) };
         let mut first = 0;
         for image in depths.images() {
             if depths.has_shape(image) {
@@ -408,11 +408,11 @@ fn typical(sums: &Sums) -> f64 {
 
 /// −2 × the log-likelihood of residuals, outliers included, if they are Laplace distributed with a width that
 /// only their mean tells, up to a constant: 2·n·ln(mean |r|).
-fn robust_cost(sums: &Sums, count: usize, least_m: f64) -> f64 {
+fn robust_cost(sums: &Sums, count: usize) -> f64 {
     if count == 0 {
         return 0.0;
     }
-    2.0 * count as f64 * libm::log((sums.distances_m / count.max(1) as f64).max(least_m))
+    2.0 * count as f64 * libm::log((sums.distances_m / count.max(1) as f64).max(LEAST_MEAN_M))
 }
 
 /// The Gauss–Newton step in O, damped a little so that what cannot be observed stays where it was.
@@ -476,6 +476,7 @@ mod tests {
                 p_W: X_WO * (point + normal * 0.003),
                 per_depth_W: Vector3::z(),
                 depth_sd_m: 0.0,
+                pixel_m: 0.0,
                 image: 0,
             }];
             let measured = |X_WO: &Pose| {
@@ -525,6 +526,7 @@ mod tests {
                 p_W: p_W + Vector3::z() * if i % 2 == 0 { own_m } else { -own_m },
                 per_depth_W: Vector3::z(),
                 depth_sd_m: SD_M,
+                pixel_m: 0.0,
                 image: 0,
             };
             let points: Vec<ScenePoint> = facing.iter().enumerate().map(point).collect();

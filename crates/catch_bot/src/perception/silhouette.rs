@@ -12,7 +12,7 @@ use nalgebra::{Point3, Vector3};
 use super::{
     ReferenceModel, Symmetry,
     edge_growth::EdgeGrowth,
-    normal_distribution::inverse_mills,
+    normal_distribution::{bound_cost, inverse_mills},
     normal_equations::{CommonError, OUTLIER_SD, Sums},
     reference::MODEL_SD_M,
     segmentation::Label,
@@ -313,10 +313,11 @@ impl Silhouette {
         broken.map(|in_sd| in_sd * in_sd).sum::<f64>() / self.len().max(1) as f64
     }
 
-    /// Mean size of a pixel at the object, in metres.
-    pub(super) fn pixel_m(&self) -> f64 {
-        let sum: f64 = self.rays.iter().map(SilhouetteRay::pixel_m).sum();
-        sum / self.rays.len().max(1) as f64
+    /// −2 × the log-likelihood of what all pixels show, up to a constant. An outlier costs no more than one
+    /// that is off by [`OUTLIER_SD`].
+    pub(super) fn cost(&self) -> f64 {
+        let costs = self.near().map(|ray| 2.0 * bound_cost(ray.violation_m(&self.edges) / ray.sd_m));
+        costs.map(|cost| cost / (1.0 + cost / (OUTLIER_SD * OUTLIER_SD))).sum()
     }
 
     /// Sums over the rays where they are: each costs −ln Φ(−u), u being by how many standard deviations its

@@ -63,7 +63,13 @@ fn case(scan: &CloudFile, reference: &ReferenceModel, error: (f64, f64), draws: 
     let config = Config::default();
     let registration = Registration { model_sd_m: NOISE_M, ..Registration::new(reference, &config) };
     let mut scene = SceneCloud::default();
-    let point = |p_W: &Point3<f64>| ScenePoint { p_W: *p_W, per_depth_W: Vector3::zeros(), depth_sd_m: 0.0, image: 0 };
+    let point = |p_W: &Point3<f64>| ScenePoint {
+        p_W: *p_W,
+        per_depth_W: Vector3::zeros(),
+        depth_sd_m: 0.0,
+        pixel_m: 0.0,
+        image: 0,
+    };
     scene.points.extend(cloud.iter().map(point));
     let start = X_start * reference.X_RO;
     let (fit, time_s) = measured(|| registration.register(&mut scene, &start, false));

@@ -12,7 +12,7 @@ use crate::perception::Symmetry;
 
 /// Error in scaled standard deviations per degree of freedom at which a pose's weight has fallen to a
 /// quarter.
-const OUTLIER_SD: f64 = 4.0;
+const OUTLIER_SD: f64 = 2.5;
 
 /// Sums over all poses.
 pub struct Sums {
