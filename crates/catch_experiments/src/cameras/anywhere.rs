@@ -14,7 +14,7 @@ use catch_lab::{
     trial,
 };
 use catch_sim::random_streams::{Draws, Stream};
-use nalgebra::{Matrix4, Point3, Vector4};
+use nalgebra::{Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -27,7 +27,7 @@ pub const LEGEND: &str = "\n\nTwo cameras *anywhere* stand on tripods, in the sc
 the working space. Images are of a RealSense D435 or D455 (848×480, 90 Hz) or of an Orbbec Femto Bolt (640×576, 30 Hz), depth errors those of `lab`. The \
 arm calibrates each rig. *Seen* are throws that two cameras \
 show for 0.25 s or more until 0.3 s before the catch. Expected rates, by `place-cameras`, are a logistic regression, fitted to ten other rigs, with coefficients of \
-balls, of other objects, and of the logarithms of the standard deviations (mm) at the decision and at the closing.";
+balls, of other objects, and of the logarithm of the standard deviation (mm) at the decision.";
 
 /// Rigs to which expected rates are fitted.
 const FITTED: Range<u64> = 0..10;
@@ -52,7 +52,7 @@ const IMAGES: [(u32, u32, f64, f64); 3] = [(848, 480, 433.0, 90.0), (848, 480, 4
 struct Thrown {
     caught: bool,
     shown_by_two_s: f64,
-    features: [f64; 4],
+    features: [f64; 3],
 }
 
 /// Two cameras 1.5 to 3.5 m from the base and 0.8 to 2.5 m high, which look at the working space.
@@ -168,9 +168,9 @@ pub fn tables(options: &Options) -> Result<Vec<Table>> {
         ]);
     }
     let mut coefficients =
-        Table::new("Coefficients of expected rates", &["of", "ball", "other", "decision", "closing"]);
+        Table::new("Coefficients of expected rates", &["of", "ball", "other", "decision"]);
     let thrown: Vec<&Thrown> = fitted.iter().flat_map(|it| &it.1).flat_map(|it| &it.2).collect();
-    for (name, row) in [("in use", Vector4::from(expected_rate::COEFFICIENTS)), ("these throws", regression(&thrown))] {
+    for (name, row) in [("in use", Vector3::from(expected_rate::COEFFICIENTS)), ("these throws", regression(&thrown))] {
         let row = row.iter().map(|it| Entry::Number(Some(*it)));
         coefficients.rows.push([Entry::text(name)].into_iter().chain(row).collect());
     }
@@ -178,18 +178,18 @@ pub fn tables(options: &Options) -> Result<Vec<Table>> {
 }
 
 /// Coefficients of a logistic regression of catches, by Newton's method.
-fn regression(thrown: &[&Thrown]) -> Vector4<f64> {
-    let mut coefficients = Vector4::zeros();
+fn regression(thrown: &[&Thrown]) -> Vector3<f64> {
+    let mut coefficients = Vector3::zeros();
     for _ in 0..20 {
-        let (mut gradient, mut curvature) = (Vector4::zeros(), Matrix4::identity() * RIDGE);
+        let (mut gradient, mut curvature) = (Vector3::zeros(), Matrix3::identity() * RIDGE);
         for it in thrown {
-            let features = Vector4::from(it.features);
+            let features = Vector3::from(it.features);
             let probability = expected_rate::probability(&coefficients.into(), &it.features);
             gradient += features * (f64::from(it.caught) - probability);
             curvature += features * features.transpose() * (probability * (1.0 - probability));
         }
         gradient -= coefficients * RIDGE;
-        coefficients += curvature.cholesky().map_or(Vector4::zeros(), |it| it.solve(&gradient));
+        coefficients += curvature.cholesky().map_or(Vector3::zeros(), |it| it.solve(&gradient));
     }
     coefficients
 }
