@@ -167,8 +167,7 @@ pub fn tables(options: &Options) -> Result<Vec<Table>> {
             found.clone(),
         ]);
     }
-    let mut coefficients =
-        Table::new("Coefficients of expected rates", &["of", "ball", "other", "decision"]);
+    let mut coefficients = Table::new("Coefficients of expected rates", &["of", "ball", "other", "decision"]);
     let thrown: Vec<&Thrown> = fitted.iter().flat_map(|it| &it.1).flat_map(|it| &it.2).collect();
     for (name, row) in [("in use", Vector3::from(expected_rate::COEFFICIENTS)), ("these throws", regression(&thrown))] {
         let row = row.iter().map(|it| Entry::Number(Some(*it)));
