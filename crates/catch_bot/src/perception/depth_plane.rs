@@ -12,10 +12,11 @@ use super::{ReferenceModel, normal_equations::NormalEquations, point_cloud::Scen
 
 /// Standard deviation by which the places of an object's points are blurred, by the width of edges: pixels
 /// beside the object that show its depth spread them across the image, and flatten slopes.
-const BLUR_FRACTION: f64 = 0.7;
-/// Points of the reference by which its visible side is known.
+const SPREAD_FRACTION: f64 = 0.7;
+/// Points of the reference, about, that stand for the side that faces a camera; what the object itself hides
+/// counts, too.
 const FACING_POINTS: usize = 200;
-/// Step of the differences by which slopes are derived.
+/// Step of the finite differences of slopes.
 const DIFFERENCE_RAD: f64 = 0.01;
 /// Standard deviation of the plane through the visible surface beside that of the reference, in inner radii.
 const PLANE_SD_RADII: f64 = 0.15;
@@ -63,7 +64,7 @@ impl DepthPlane {
         let shape_m = PLANE_SD_RADII * reference.inner_radius_m;
         let tilt_m2 = own_m2 + shape_m * shape_m;
         let mean_m2 = tilt_m2 + depth_m2 * common_fraction;
-        let blur_m = BLUR_FRACTION * f64::from(edge_px) * pixel_m;
+        let blur_m = SPREAD_FRACTION * f64::from(edge_px) * pixel_m;
         Self { p_W, R_WC, spread_m2, slopes, mean_m2, tilt_m2, blur_m2: blur_m * blur_m }
     }
 
@@ -177,8 +178,25 @@ mod tests {
         ReferenceModel { points, normals, inner_radius_m: axes.min(), ..ReferenceModel::default() }
     }
 
+    /// Of an ellipsoid the side that faces a camera is as tilted as its middle: with the second moment C the
+    /// slopes are Cₐₐ⁻¹·Cₐ_d. Blur flattens them.
     #[test]
-    fn the_visible_side_of_an_ellipsoid_is_as_tilted_as_its_middle() {
+    fn the_facing_side_of_an_ellipsoid_is_as_tilted_as_its_second_moment() {
+        let reference = ellipsoid(SEMI_AXES);
+        let C_O = Matrix3::from_diagonal(&Vector3::from(SEMI_AXES.map(|it| it * it)));
+        for about_x_rad in [0.3, 1.0, -0.7] {
+            let R_OC = Rotation3::new(Vector3::x() * about_x_rad).into_inner();
+            let C_C = R_OC.tr_mul(&(C_O * R_OC));
+            let expected = C_C[(1, 2)] / C_C[(1, 1)];
+            let [sharp, blurred] = [0.0, 1e-3].map(|blur_m2| Facing::of(&reference, &R_OC, blur_m2));
+            assert!((sharp.slopes.y - expected).abs() < 0.05 * expected.abs(), "{}, {expected}", sharp.slopes);
+            assert!(blurred.slopes.y.abs() < 0.9 * sharp.slopes.y.abs(), "{}", blurred.slopes);
+            assert!(sharp.depth_m < 0.0, "the facing side is before the middle");
+        }
+    }
+
+    #[test]
+    fn the_reversed_orientation_is_far_less_likely() {
         let reference = ellipsoid(SEMI_AXES);
         for about_x_rad in [0.3, 1.0, -0.7] {
             let X_WO = tilted(about_x_rad);

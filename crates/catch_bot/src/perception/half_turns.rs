@@ -13,13 +13,14 @@ use super::{Symmetry, registration::Fit};
 
 /// Largest evidence of one image, so that no single one decides: −2 × the logarithm of a likelihood ratio.
 const MOST_OF_IMAGE: f64 = 4.0;
-/// Evidence from which on the other orientation is believed: it is e⁴ times as likely.
+/// Evidence beyond which the other orientation is believed: it is e⁴ times as likely. Two images give no
+/// more.
 const DECISIVE: f64 = 8.0;
 /// Evidence for the present orientation from which on the other one is no longer asked for.
 const SETTLED: f64 = 20.0;
 /// An image that gives less evidence does not tell both orientations apart, nor will the next few.
 const TELLING: f64 = 2.0;
-/// Images after which an orientation is compared again at the latest.
+/// Most images that are passed over between two comparisons.
 const LONGEST_PAUSE: usize = 7;
 /// Steps from the other orientation before it is compared: it is near by then, and one that is not counts as
 /// worse.

@@ -313,8 +313,8 @@ impl Silhouette {
         broken.map(|in_sd| in_sd * in_sd).sum::<f64>() / self.len().max(1) as f64
     }
 
-    /// −2 × the log-likelihood of what all pixels show, up to a constant. An outlier costs no more than one
-    /// that is off by [`OUTLIER_SD`].
+    /// −2 × the log-likelihood of what all pixels show, up to a constant. The cost of each ray saturates at
+    /// the square of [`OUTLIER_SD`].
     pub(super) fn cost(&self) -> f64 {
         let costs = self.near().map(|ray| 2.0 * bound_cost(ray.violation_m(&self.edges) / ray.sd_m));
         costs.map(|cost| cost / (1.0 + cost / (OUTLIER_SD * OUTLIER_SD))).sum()
