@@ -59,7 +59,7 @@ const LEGEND: &str = "`git clone` fetches public collections to `target/objects`
 `catchingbot object import` does it, with no option. Volume and centre of mass tell how the brain's model, made from a scan, differs from \
 the mesh at uniform density. A spin is wrong if the predicted angular velocity is off by more than 3 rad/s after 150 ms in view; objects \
 with an axis of symmetry are left out. No setting was chosen on these objects: the first ten are of many kinds, the others were drawn at random from 21 \
-kinds of pybullet-URDF-models that a hand can hold. No two objects share their throws, since some throws are hard for any object: the seed \
+kinds of pybullet-URDF-models that a hand can hold. Each object has throws of its own, since some throws are hard for any object: the seed \
 is counted up. Rates are of all throws. The last table has the meshes of the published \
 project beside the built-in objects, thrown alike, with the interval of 95 % of a paired difference.";
 
@@ -79,7 +79,7 @@ pub fn run(options: &Options) -> Result<Findings> {
     for (number, object) in listed.objects.iter().enumerate() {
         let path = written(&folder.join(object), &folder.join("imported"))?;
         let setup = Setup::load(&Choice { scenario: Some("honest"), object: path.to_str(), ..Choice::default() })?;
-        // Whether a throw is caught depends more on the throw than on the object: no two share theirs.
+        // Whether a throw is caught depends more on the throw than on the object: each has its own.
         let each = Outcome::each(&setup, options.seed + number as u64, options.trials);
         let name = vec![Entry::text(&setup.object.name)];
         thrown.rows.push([name, model(&setup), Outcome::entries(&each)].concat());
