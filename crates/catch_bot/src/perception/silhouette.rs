@@ -475,4 +475,20 @@ mod tests {
         let (_, sd_m, step_m) = along(0);
         assert!(sd_m < 0.005 && step_m < -3.0 * sd_m, "{sd_m} {step_m}");
     }
+
+    /// An outline costs more the farther it is from that of the pixels, but no ray more than an outlier.
+    #[test]
+    fn an_outline_costs_more_the_farther_it_is_off() {
+        let (reference, silhouette) = grown(0);
+        let mut before = 0.0;
+        for off_px in [0.0, 1.0, 2.0, 4.0] {
+            let mut moved = silhouette.clone();
+            // A pixel is a millimetre, one metre away.
+            moved.find(&reference, &Pose::translation(1e-3 * off_px, 0.0, 0.0));
+            let cost = moved.cost();
+            assert!(cost > before + 1.0, "{off_px}: {before}, then {cost}");
+            assert!(cost < OUTLIER_SD * OUTLIER_SD * moved.len() as f64, "{off_px}: {cost}");
+            before = cost;
+        }
+    }
 }
