@@ -79,7 +79,7 @@ pub fn run(options: &Options) -> Result<Findings> {
     for (number, object) in listed.objects.iter().enumerate() {
         let path = written(&folder.join(object), &folder.join("imported"))?;
         let setup = Setup::load(&Choice { scenario: Some("honest"), object: path.to_str(), ..Choice::default() })?;
-        // Whether a throw is caught depends more on the throw than on the object: each has its own.
+        // Some throws are hard for any object: each has its own.
         let each = Outcome::each(&setup, options.seed + number as u64, options.trials);
         let name = vec![Entry::text(&setup.object.name)];
         thrown.rows.push([name, model(&setup), Outcome::entries(&each)].concat());
