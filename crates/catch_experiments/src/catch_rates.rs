@@ -14,7 +14,7 @@ use crate::{
 
 const LEGEND: &str = "An object is *caught* if it is held from 0.5 s to 1.5 s after the first contact, the last 0.5 s shaken at ±5 m/s². \
 No command may break a limit of the arm; *limits broken* counts those that commands broke. A throw is *within reach* if it was caught, or if the oracle finds it possible. \
-The oracle's arm begins to move 60 ms after the first image. The rate *caught* is of throws within reach.";
+The oracle's arm begins to move 30 ms after the first image. The rate *caught* is of throws within reach.";
 
 /// Scenarios, workcells, and the throws that are counted together.
 const CONDITIONS: [(&str, Option<&str>, &[&str]); 6] = [

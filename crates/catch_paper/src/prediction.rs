@@ -11,6 +11,9 @@ use catch_bot::{
 };
 use serde::{Deserialize, Serialize};
 
+/// Poses before there is a first flight (original).
+const FIRST_AFTER: usize = 6;
+
 /// Settings of the paper's prediction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -55,7 +58,7 @@ impl FlightPredictor for RansacPredictor {
         poses: &[ObjectPose],
         _: Option<&FlightTrajectory>,
     ) -> Result<FlightTrajectory, PredictionStatus> {
-        let window = sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
+        let window = sampled(poses, FIRST_AFTER)?;
         ransac::best_flight(window, &self.symmetry, self.sampling, &self.config, &mut self.scratch)
     }
 }

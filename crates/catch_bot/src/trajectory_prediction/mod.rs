@@ -78,8 +78,8 @@ impl Default for Config {
     }
 }
 
-/// Poses before there is a first flight (original).
-pub const FIRST_AFTER: usize = 6;
+/// Poses that agree on a first flight: two agree with the flight through them whatever they are.
+pub const FIRST_AFTER: usize = 3;
 /// Newest poses at most that sampling looks at (paper, III-B).
 const WINDOW: usize = 30;
 /// Newest poses at most that the fit looks at: a second of them, since each adds information.
@@ -109,9 +109,12 @@ impl Config {
     }
 }
 
-/// The newest poses, at which sampling looks, oldest first; `None` before there are enough for a flight.
-pub fn sampled(poses: &[ObjectPose]) -> Option<&[ObjectPose]> {
-    (poses.len() >= FIRST_AFTER).then(|| newest(poses, WINDOW))
+/// The newest poses, at which sampling looks, oldest first.
+///
+/// # Errors
+/// Fewer than `first_after` poses.
+pub fn sampled(poses: &[ObjectPose], first_after: usize) -> Result<&[ObjectPose], PredictionStatus> {
+    if poses.len() < first_after { Err(PredictionStatus::TooFewPoses) } else { Ok(newest(poses, WINDOW)) }
 }
 
 /// The newest poses, so many at most.
@@ -215,9 +218,10 @@ impl InformationFit {
         previous: Option<&FlightTrajectory>,
     ) -> Result<FlightTrajectory, PredictionStatus> {
         let Self { config, symmetry, seed, fit: fitting, ransac: sampling, .. } = self;
-        let window = sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
+        let window = sampled(poses, FIRST_AFTER)?;
         let fitted = newest(poses, FIT_WINDOW);
-        let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= MIN_INLIER_FRACTION * window.len() as f64;
+        let enough =
+            |inliers: usize| inliers >= FIRST_AFTER && inliers as f64 >= MIN_INLIER_FRACTION * window.len() as f64;
         let known = previous.and_then(|it| fit::fit(fitted, it, symmetry, config, fitting).ok());
         let known = known.filter(|(_, agreeing)| enough(*agreeing)).map(|(flight, _)| flight);
         // Sampling looks at the newest poses alone: it does not know better than a fit to all of them.

@@ -213,7 +213,7 @@ fn too_little_or_nonsense_gives_a_status() {
     let mut poses = seen(&throw, 20, 0.001, 0.02, 0.0, &mut normal);
     assert_eq!(InformationFit::new(config.clone(), banana(), 0).predict(&[], None), Err(PredictionStatus::TooFewPoses));
     assert_eq!(
-        InformationFit::new(config.clone(), banana(), 0).predict(&poses[..5], None),
+        InformationFit::new(config.clone(), banana(), 0).predict(&poses[..2], None),
         Err(PredictionStatus::TooFewPoses)
     );
     let same = vec![poses[0]; 10];

@@ -29,8 +29,8 @@ use crate::{
     scenario::setup::Setup,
 };
 
-/// Usual time of the brain's first estimate, in seconds: the paper's six frames at 100 Hz, and one more.
-const FIRST_ESTIMATE_S: f64 = 0.07;
+/// Usual time of the brain's first estimate, in seconds: three frames at 100 Hz, and one more.
+const FIRST_ESTIMATE_S: f64 = 0.04;
 /// Times of a catch that the oracle is asked for are this far apart, in seconds.
 const CATCH_INTERVAL_S: f64 = 0.03;
 /// Cost of a throw that cannot be caught: more than any catch.
