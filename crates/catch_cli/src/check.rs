@@ -52,24 +52,25 @@ struct Document<'a> {
 #[derive(Serialize)]
 struct FileDocument<'a> {
     file: &'a Path,
-    kind: Option<String>,
+    kind: Option<&'a str>,
     faults: &'a [InputError],
     notes: &'a [String],
 }
 
-/// Checks a file of whatever kind. A cell's is known by its table `[arm]`.
-fn checked(file: &Path) -> Checked {
+/// Checks a file of whatever kind, and names the kind. A cell's is known by its table `[arm]`.
+fn checked(file: &Path) -> (Option<String>, Checked) {
     let text = FileKind::toml("a file").read_text(file).unwrap_or_default();
     if !text.lines().any(|it| it.trim_start().starts_with("[arm]")) {
-        return check(file);
+        let checked = check(file);
+        return (checked.kind.map(|it| it.to_string()), checked);
     }
     // A file is right wherever it is read; its driver may be on another machine.
     let notes = drive::setup(file, &[]).map(|(links, _)| {
-        let missing = drive::program(file, &links).err().map(|it| it.to_string());
-        std::iter::once(format!("a cell, driven by {}", links.arm.driver)).chain(missing).collect()
+        let missing = drive::program(file, &links).err().map(|it| format!("not on this machine: {it}"));
+        std::iter::once(format!("driven by {}", links.arm.driver)).chain(missing).collect()
     });
     let (notes, faults) = notes.map_or_else(|fault| (Vec::new(), fault.all()), |notes| (notes, Vec::new()));
-    Checked { kind: None, faults, notes }
+    (Some("cell".to_owned()), Checked { kind: None, faults, notes })
 }
 
 /// Checks files and lists their faults.
@@ -77,22 +78,22 @@ fn checked(file: &Path) -> Checked {
 /// # Errors
 /// If there are any.
 pub fn run(arguments: &CheckArguments) -> anyhow::Result<()> {
-    let checked: Vec<(&PathBuf, Checked)> = arguments.files.iter().map(|file| (file, checked(file))).collect();
-    let faults: Vec<InputError> = checked.iter().flat_map(|(_, it)| it.faults.clone()).collect();
+    let checked: Vec<_> = arguments.files.iter().map(|file| (file, checked(file))).collect();
+    let faults: Vec<InputError> = checked.iter().flat_map(|(_, (_, it))| it.faults.clone()).collect();
     let error = format!("{} {} found", faults.len(), if faults.len() == 1 { "fault" } else { "faults" });
     let failure = (!faults.is_empty()).then(|| Failure::of_faults(error, faults));
     if arguments.json {
-        let files = checked.iter().map(|(file, Checked { kind, faults, notes })| FileDocument {
+        let files = checked.iter().map(|(file, (kind, Checked { faults, notes, .. }))| FileDocument {
             file,
-            kind: kind.map(|it| it.to_string()),
+            kind: kind.as_deref(),
             faults,
             notes,
         });
         let files = files.collect();
         screen::document(&Document { failure: failure.as_ref(), files })?;
     } else {
-        for (file, Checked { kind, faults, notes }) in &checked {
-            let kind = kind.map_or("file".to_owned(), |it| it.to_string());
+        for (file, (kind, Checked { faults, notes, .. })) in &checked {
+            let kind = kind.as_deref().unwrap_or("file");
             match faults.len() {
                 0 => screen::line(&format!("{GOOD}right{GOOD:#}  {kind} {}", file.display()))?,
                 _ => screen::line(&format!("{BAD}wrong{BAD:#}  {kind} {}", file.display()))?,

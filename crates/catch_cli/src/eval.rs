@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    io,
+    fs, io,
     path::{Path, PathBuf},
     sync::Arc,
     time::Instant,
@@ -16,7 +16,7 @@ use catch_lab::{
         Cell, Evaluation, MOST_THREADS, Row,
         cell_summary::CellSummary,
         published::{published_rate, published_rates},
-        results::{REPORT_FILE, Results},
+        results::{REPORT_FILE, Results, TRIALS_FILE},
         summary_table,
         trial_table::PARQUET_FILE,
     },
@@ -135,6 +135,9 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let folder = &*arguments.out;
     tell_how_to_resume(folder);
     let started = Instant::now();
+    // Rows that were added by hand, as those of another machine are, are in no report.
+    let modified = |file: &str| fs::metadata(folder.join(file)).and_then(|it| it.modified()).ok();
+    let is_reported = modified(REPORT_FILE) >= modified(TRIALS_FILE);
     let evaluation = evaluation(arguments)?;
     let is_told = !arguments.json;
     let setup = &evaluation.cells[0].setup;
@@ -164,6 +167,8 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     if is_new {
         let text = serde_json::to_string_pretty(&times)? + "\n";
         whole_file::write(&folder.join(TIMES_FILE), text)?;
+    }
+    if is_new || !is_reported {
         write_report(&evaluation, &done, (MOST_MISSES, threads), folder)?;
     }
     if !arguments.json {

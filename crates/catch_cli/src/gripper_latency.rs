@@ -8,10 +8,13 @@ use serde::Serialize;
 
 use crate::screen::{self, STRONG};
 
+/// Moves that give a median that can be relied upon.
+const RELIABLE: usize = 20;
+
 /// Arguments of `gripper-latency`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Measured is the time from the start of a commanded move until the fingers begin to move, from the
+It measures the time from the start of a commanded move until the fingers begin to move, from the
 widths that were sensed then and the speed and acceleration of the fingers that the brain expects.
 Moves whose command arrived after their start do not count, nor do those that began while the
 fingers moved. Twenty moves or more give a median that can be relied upon.
@@ -59,5 +62,6 @@ pub fn run(arguments: &GripperLatencyArguments) -> anyhow::Result<()> {
         "unusable moves",
         &format!("{late} that arrived late, {not_at_rest} of moving fingers, {not_moved} in which no finger moved"),
     )?;
-    Ok(screen::fact("setting", &setting)?)
+    let few = if moves.len() < RELIABLE { " (of few moves, not to be relied upon)" } else { "" };
+    Ok(screen::fact("setting", &format!("{setting}{few}"))?)
 }

@@ -164,6 +164,11 @@ pub fn between(least: f64, most: f64) -> impl Fn(&str) -> Result<f64, String> + 
     }
 }
 
+/// Reads a number of an option.
+pub fn number(text: &str) -> Result<f64, String> {
+    text.parse().map_err(|_| "expected a number, such as 0.25".to_owned())
+}
+
 /// Scenario, and changes to it.
 #[derive(Debug, Args)]
 pub struct ChoiceArguments {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use catch_body::InputError;
 use catch_import::templates;
 use catch_lab::assets::Kind;
-use catch_recording::whole_file::write_new;
+use catch_recording::whole_file::{COMMAND_LINE, write_new};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
@@ -66,9 +66,14 @@ enum NewKind {
 /// Writes the files; none is overwritten.
 ///
 /// # Errors
-/// A name that cannot be a file's; a file that is already there.
+/// A name that cannot be a file's, or that something built in has; a file that is already there.
 pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
     let name = &arguments.name;
+    if Kind::ALL.iter().any(|kind| kind.names().contains(&name.as_str())) {
+        let (found, expected) =
+            (format!("`{name}`, which is built in"), "another name: options would take what is built in");
+        return Err(InputError::new(COMMAND_LINE, "NAME", found, expected).into());
+    }
     let object = Kind::Object.names()[0];
     let of_kind = |kind, trial: &str| Ok::<_, InputError>((templates::files(kind, name)?, trial.to_owned()));
     // Trial command: {} is the first of the files.

@@ -8,7 +8,7 @@ use catch_recording::whole_file::{COMMAND_LINE, write_new};
 use clap::{Args, Subcommand};
 use serde::Serialize;
 
-use crate::screen;
+use crate::{number, screen};
 
 /// Arguments of `object`.
 #[derive(Debug, Args)]
@@ -50,13 +50,13 @@ pub struct ImportArguments {
     #[arg(long, value_name = "NAME")]
     link: Option<String>,
     /// Metres per unit of the mesh, or of a depth [default: guessed from its size; a millimetre]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number)]
     scale: Option<f64>,
     /// Mass in kg [default: the description's, or that of the volume at 500 kg/m³]
-    #[arg(long, value_name = "KG")]
+    #[arg(long, value_name = "KG", value_parser = number)]
     mass: Option<f64>,
     /// Fill holes up to this width in metres [default: 0.15 of the longest side]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number)]
     fill_holes: Option<f64>,
     /// Print one JSON document instead of the story
     #[arg(long)]

@@ -30,10 +30,11 @@ const MOST_COMPARED: usize = 20;
 /// Arguments of `place-cameras`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Cameras hang on the walls and the ceiling of a box, and are aimed at where objects fly. Those are chosen whose
-images tell most about where the object will be caught, at two times: when the catch is decided, and when the
-fingers begin to close. What the waiting arm and the border of an image hide does not count. Cameras that show
-little of the arm, on which they are calibrated, are left out. They are cameras like the first one of the scenario's rig:
+Cameras hang on the walls and the ceiling of a box, and are aimed at where objects fly. It chooses
+the cameras whose images determine best where the object will be caught, at two times: when the
+catch is decided, and when the fingers begin to close. What the waiting arm and the border of an
+image hide does not count. Cameras that show little of the arm, on which they are calibrated, are
+left out. All are like the first camera of the scenario's rig:
 
   catchingbot place-cameras --scenario lab --cameras 2 --out placed
   catchingbot place-cameras --scenario lab --cameras 3 --from=-1,-1.5,0.5 --to=2,2,1.9 --out placed

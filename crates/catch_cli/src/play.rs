@@ -11,12 +11,12 @@ use catch_lab::{
     referee::Row,
     scenario::{Scenario, setup::Setup},
 };
-use catch_recording::whole_file::{self, COMMAND_LINE};
+use catch_recording::whole_file;
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets::NOTHING};
 use serde::Serialize;
 
-use super::{ChoiceArguments, MOST, whole};
+use super::{ChoiceArguments, MOST, between, whole};
 use crate::{
     calibrate, screen,
     watch::{self, Watch},
@@ -37,7 +37,7 @@ pub struct PlayArguments {
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = whole(1, 1_000_000))]
     trials: u64,
     /// Least interval between two throws in seconds; the thrower waits until the arm is ready
-    #[arg(long, value_name = "SECONDS", default_value_t = 4.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 4.0, value_parser = between(0.0, 600.0))]
     every: f64,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
@@ -77,10 +77,6 @@ struct Document<'a> {
 /// # Errors
 /// A fault of the input; a recording that cannot be written.
 pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
-    if !(0.0..=600.0).contains(&arguments.every) {
-        let expected = "0 to 600 seconds, all of which is simulated";
-        return Err(InputError::new(COMMAND_LINE, "--every", arguments.every, expected).into());
-    }
     let PlayArguments { trials: throws, every: every_s, seed, .. } = *arguments;
     let play = Play { setups: setups(arguments)?, throws, every_s, seed, folder: arguments.out.clone() };
     play.folder.as_ref().map_or(Ok(()), |it| whole_file::make_writable(it, "--out"))?;

@@ -15,15 +15,15 @@ use clap::{Args, ValueEnum};
 use nalgebra::{Unit, Vector3};
 use serde::Serialize;
 
-use crate::screen;
+use crate::{number, screen};
 
 /// Arguments of `predict`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The track is a CSV file of t,x,y,z or t,x,y,z,qx,qy,qz,qw in seconds and metres; a header may
-name them in any order; rows with gaps or NaN are left out. What is called the end is the
-last time in the file, seen or not. Gravity is 9.81 m/s² against the axis named by --up. What is
-printed is in the track's own axes and clock; covariances are of (position, velocity).
+name them in any order; rows with gaps or NaN are left out. `end` is the last time in the
+file, also if --until hides it. Gravity is 9.81 m/s² against the axis named by --up. The results are
+in the track's own axes and clock; covariances are of (position, velocity).
 
 The flight has drag, a Magnus force and, with orientations, drag by direction, decay of the spin and
 a tracked point beside the centre of mass. What is known of them beforehand is in --object, or in a
@@ -45,19 +45,19 @@ pub struct PredictArguments {
     #[arg(long, value_enum, default_value_t = Up::Z, allow_hyphen_values = true)]
     up: Up,
     /// Use only what was seen until then, in the track's time
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = number)]
     until: Option<f64>,
     /// Also predict for this time; may be given more than once
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = number)]
     at: Vec<f64>,
     /// Prior on the object's flights, a file that `learn` wrote
     #[arg(long, value_name = "FILE", conflicts_with_all = ["drag", "drag_sd"])]
     object: Option<PathBuf>,
     /// Isotropic drag: constant k of a = -k·|v|·v that is expected, in 1/m [default: 0.05 with --drag-sd]
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = number)]
     drag: Option<f64>,
     /// Standard deviation of the constant k, in 1/m; 0: exactly known [default: 0.1]
-    #[arg(long, value_name = "SD")]
+    #[arg(long, value_name = "SD", value_parser = number)]
     drag_sd: Option<f64>,
     /// Print one JSON document
     #[arg(long)]
@@ -148,7 +148,7 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
         if state(time_s).is_none_or(|(_, state)| state.is_finite()) {
             continue;
         }
-        let expected = format!("a time to which the flight can be followed from {} to {until_s} s", seen[0].time_s);
+        let expected = format!("a time nearer to the track, which lasts from {} to {until_s} s", seen[0].time_s);
         let (file, field) = (arguments.track.display().to_string(), "the last time");
         let (file, field) = if is_asked { (COMMAND_LINE, "--at") } else { (&*file, field) };
         return Err(InputError::new(file, field, time_s, expected).into());

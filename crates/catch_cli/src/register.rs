@@ -11,15 +11,15 @@ use catch_recording::whole_file::COMMAND_LINE;
 use clap::Args;
 use serde::Serialize;
 
-use crate::screen;
+use crate::{number, screen};
 
 /// Arguments of `register`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The reference should show the object from all sides: a mesh, or a cloud with normals. Normals of a
 cloud without any are taken to point away from its middle, which is right for objects that bulge
-everywhere. Printed is X_CR, which takes points of the reference into the cloud's frame; what an
-object looks the same under cannot be seen and is left as it is. The pose is `registered` only if no
+everywhere. The result is X_CR, which takes points of the reference into the cloud's frame;
+rotations that do not change the object's look cannot be seen and are left out. The pose is `registered` only if no
 other explains the points as well, and if a stated --noise explains how far they are off. Lengths in
 metres.
 
@@ -34,7 +34,7 @@ pub struct RegisterArguments {
     #[arg(long, value_name = "NAME|FILE")]
     reference: PathBuf,
     /// Standard deviation of the cloud's points; without it any residual counts as noise
-    #[arg(long, value_name = "M", default_value_t = 0.0)]
+    #[arg(long, value_name = "M", default_value_t = 0.0, value_parser = number)]
     noise: f64,
     /// Print one JSON document
     #[arg(long)]

@@ -17,7 +17,7 @@ use clap::{Args, Subcommand};
 use serde::Serialize;
 
 use super::{MOST, whole};
-use crate::screen;
+use crate::{number, screen};
 
 /// Arguments of `robot`.
 #[derive(Debug, Args)]
@@ -62,13 +62,13 @@ pub struct ImportArguments {
     #[arg(long, value_name = "FILE")]
     joint_limits: Option<PathBuf>,
     /// Acceleration limits in rad/s²: one for all joints, or one for each
-    #[arg(long, value_name = "N[,N…]", value_delimiter = ',')]
+    #[arg(long, value_name = "N[,N…]", value_delimiter = ',', value_parser = number)]
     max_acceleration: Vec<f64>,
     /// Rotor inertias reflected to the joints in kg·m², likewise
-    #[arg(long, value_name = "N[,N…]", value_delimiter = ',')]
+    #[arg(long, value_name = "N[,N…]", value_delimiter = ',', value_parser = number)]
     rotor_inertia: Vec<f64>,
     /// Jerk limits in rad/s³, likewise
-    #[arg(long, value_name = "N[,N…]", value_delimiter = ',')]
+    #[arg(long, value_name = "N[,N…]", value_delimiter = ',', value_parser = number)]
     max_jerk: Vec<f64>,
     /// Do not search for the best waiting pose
     #[arg(long)]
@@ -266,6 +266,8 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
     screen::fact("assumed", &format!("{} values that no file says", assumed.len()))?;
     if let Some(Reach { within_reach, throws }) = &reach {
         screen::fact("within reach", &format!("{within_reach} of {throws} throws other than the pose was chosen for"))?;
+    } else {
+        screen::fact("waiting pose", "not searched: until `catchingbot ready` finds one, few throws are caught")?;
     }
     let out = arguments.out.to_string_lossy();
     screen::fact("written", &out)?;

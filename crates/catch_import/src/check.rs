@@ -59,15 +59,20 @@ const TELLTALES: [(&str, Kind); 14] = [
 /// Checks one file, or what is built in under this name.
 pub fn check(path: &Path) -> Checked {
     let built_in = built_in(path);
-    let path = described_file(path);
+    let path = match described_file(path) {
+        Ok(path) => path,
+        Err(fault) if built_in.is_none() => return Checked::unreadable(fault),
+        Err(_) => path.to_path_buf(),
+    };
     // Every kind of file is read in the same way; which kind it is only shows afterwards.
     let asset = match built_in.clone().map_or_else(|| Asset::on_disk(Kind::Scenario, &path), Ok) {
         Ok(asset) => asset,
         Err(InputError { file, field, found, expected, .. }) => {
             // "at most 1 MiB: …", "a regular file: …"
             let limit = expected.split_once(": ").map(|(limit, _)| format!("{limit}: ")).unwrap_or_default();
-            let expected =
-                format!("{limit}a readable file: a scenario, robot, gripper, workcell, object, throw, camera or rig");
+            let expected = format!(
+                "{limit}a readable file of a scenario, robot, gripper, workcell, object, throw, camera, rig or cell"
+            );
             return Checked::unreadable(InputError::new(file, field, found, expected));
         }
     };
@@ -93,7 +98,7 @@ pub fn check(path: &Path) -> Checked {
         None => {
             let fields: Vec<&str> = table.keys().map(String::as_str).collect();
             let found = if fields.is_empty() { "nothing".to_owned() } else { format!("fields {}", fields.join(", ")) };
-            let expected = "the fields of a scenario, robot, gripper, workcell, object, throw, camera or rig (`catchingbot list --show NAME` prints one)";
+            let expected = "the fields of a scenario, robot, gripper, workcell, object, throw, camera, rig or cell (`catchingbot list --show NAME` prints one)";
             vec![InputError::new(&asset.file, "the file", found, expected)]
         }
     };
@@ -111,9 +116,9 @@ pub fn check(path: &Path) -> Checked {
     Checked { kind, faults, notes }
 }
 
-/// The built-in asset of this name, if there is no such file.
+/// The built-in asset of this name, which options take before a file of the same name.
 fn built_in(path: &Path) -> Option<Asset> {
-    let name = path.to_str().filter(|_| !path.exists())?;
+    let name = path.to_str()?;
     let kind = Kind::ALL.into_iter().find(|kind| kind.names().contains(&name))?;
     Asset::built_in(kind, name).ok()
 }
@@ -227,19 +232,25 @@ fn notes_of_object(asset: &Asset) -> Vec<String> {
 
 /// A robot may be called by its folder or its URDF, an object by its folder or its `known.toml`; what is
 /// checked is the file that says most, and what that stands beside.
-fn described_file(path: &Path) -> PathBuf {
+///
+/// # Errors
+/// A folder of something else.
+fn described_file(path: &Path) -> Result<PathBuf, InputError> {
     let (robot, object) = ("robot.toml", "truth.toml");
     if path.is_dir() {
         let file = [object, robot].map(|it| path.join(it)).into_iter().find(|it| it.is_file());
-        return file.unwrap_or_else(|| path.join(robot));
+        let expected = "the folder of a robot or of an object, or the file of something else";
+        let fault = || InputError::new(path.display(), "the folder", format!("neither {robot} nor {object}"), expected);
+        return file.ok_or_else(fault);
     }
-    if path.extension().is_some_and(|it| it == "urdf") {
+    let file = if path.extension().is_some_and(|it| it == "urdf") {
         path.with_file_name(robot)
     } else if path.ends_with(KNOWN_FILE) {
         path.with_file_name(object)
     } else {
         path.to_path_buf()
-    }
+    };
+    Ok(file)
 }
 
 fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {

@@ -74,6 +74,6 @@ impl<'a> MeshFiles<'a> {
 /// # Errors
 /// If there is none.
 pub(super) fn located(file: &std::path::Path, named: &str, expected: &str) -> Result<PathBuf, InputError> {
-    let found = "no such file below or beside the folders above the description";
+    let found = "no such file beside the description, or in or below the folders above it";
     super::mesh_paths::resolve(file, named).ok_or_else(|| InputError::new(named, "the file", found, expected))
 }

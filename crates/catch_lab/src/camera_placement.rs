@@ -98,7 +98,8 @@ pub struct Score {
     pub shown: Vec<f64>,
     /// Fraction of the arm's joints that each camera shows, over random postures.
     pub arm_shown: Vec<f64>,
-    /// Catch rate that is expected of the throws; none where nothing is known of arm and hand.
+    /// Catch rate that is expected of the throws; none where nothing is known of arm, hand and number of
+    /// cameras.
     pub expected_rate: Option<f64>,
     /// Accuracy of the prediction of each throw.
     #[serde(skip)]
@@ -128,6 +129,9 @@ impl Score {
     pub fn summary(&self, setup: &Setup) -> String {
         let margin_m = setup.scenario.brain.grasp_selection.finger_margin_m;
         let [middle_m, high_m] = [0.5, 0.9].map(|fraction| self.quantile_m(|it| it.decision_sd_m, fraction));
+        if self.shown_by_one == 0.0 {
+            return "no camera shows the object on its way to the catch; `catchingbot place-cameras` finds better poses".to_owned();
+        }
         let known = format!(
             "two cameras or more show the object for {:.0} % of its way to the catch; when the catch is decided, its place there is \
              known to {:.1} mm (90 % of the throws: {:.1} mm)",
@@ -140,10 +144,11 @@ impl Score {
         if SURE_SD * high_m <= margin_m {
             return known;
         }
-        let too_little = format!("too little for fingers that leave {:.0} mm on each side", margin_m * 1e3);
+        let too_little =
+            format!("{SURE_SD} × {:.1} mm is more than the {:.0} mm on each side of it", high_m * 1e3, margin_m * 1e3);
         let placed = rate_of_placed(setup).filter(|it| Some(*it) > self.expected_rate);
         let rate = placed.map_or("better poses".to_owned(), |it| format!("poses for {:.0} %", it * 100.0));
-        format!("{known}: {too_little}; `catchingbot place-cameras` finds {rate}")
+        format!("{known}; {too_little}; `catchingbot place-cameras` finds {rate}")
     }
 }
 
@@ -274,7 +279,7 @@ impl<'a> PlacementStudy<'a> {
             shown_by_two: fraction(by_two),
             shown: sights.iter().map(shown).collect(),
             arm_shown: cameras.iter().map(|camera| arm_view::shown(camera, &self.joints)).collect(),
-            expected_rate: expected_rate::rate(self.setup, &flights),
+            expected_rate: expected_rate::rate(self.setup, cameras.len(), &flights),
             flights,
         }
     }
@@ -318,6 +323,11 @@ impl<'a> PlacementStudy<'a> {
         if chosen.len() < self.config.cameras {
             let expected = format!("at most {}, or a larger volume or a smaller --spacing", chosen.len());
             return Err(InputError::new(COMMAND_LINE, "--cameras", self.config.cameras, expected));
+        }
+        let unseen = vec![Matrix6::zeros(); told[0].len()];
+        if chosen.iter().all(|it| told[*it] == unseen) {
+            let expected = "a volume from which a camera shows the object before the catch is decided";
+            return Err(InputError::new(COMMAND_LINE, "--from and --to", "no such place", expected));
         }
         let mut unchanged = 0;
         while unchanged < chosen.len() {

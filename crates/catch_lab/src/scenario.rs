@@ -184,6 +184,7 @@ impl Scenario {
     ) -> Result<Self, InputError> {
         let mut tree = toml::Table::try_from(&self).map_err(|it| fault(it.to_string()))?;
         let hint = hint(path, &tree);
+        add_optional_tables(path, &mut tree);
         let (table, field) = parent(path, &mut tree, &hint, fault)?;
         match value {
             Some(value) => table.insert(field.to_owned(), value),
@@ -252,6 +253,24 @@ impl Scenario {
             (Kind::Rig, "reference_rig", &self.reference_rig),
         ];
         parts.into_iter().chain(workcells).collect()
+    }
+}
+
+/// Adds the tables on the way to a field that a scenario may have and this one leaves out.
+fn add_optional_tables(path: &str, tree: &mut toml::Table) {
+    for (end, _) in path.match_indices('.') {
+        let mut with_table = tree.clone();
+        let Ok((table, field)) = parent(&path[..end], &mut with_table, "", &|it| InputError::new("", "", "", it))
+        else {
+            return;
+        };
+        if table.contains_key(field) {
+            continue;
+        }
+        table.insert(field.to_owned(), toml::Value::Table(toml::Table::new()));
+        if InputError::from_table::<Scenario>("", with_table.clone()).is_ok() {
+            *tree = with_table;
+        }
     }
 }
 
@@ -327,6 +346,9 @@ mod tests {
         let scenario = set(&["arena.restitution_scale = 0.5", "brain.method=paper", "arena.frame_rate_hz=50"]).unwrap();
         assert_eq!((scenario.arena.restitution_scale, scenario.arena.frame_rate_hz), (0.5, 50.0));
         assert_eq!(scenario.brain.method, Method::Paper);
+        // A table that is left out is there from its first field on.
+        let calibrated = set(&["calibration.position_sd_m=0.01"]).unwrap();
+        assert!(scenario.calibration.is_none() && calibrated.calibration.is_some_and(|it| it.position_sd_m == 0.01));
         assert!(scenario.name.starts_with("paper+arena.restitution_scale=0.5+"), "{}", scenario.name);
     }
 

@@ -110,6 +110,8 @@ fn the_files_are_the_same_for_any_number_of_threads_however_often_it_is_killed_a
     fs::write(at("a").join("trials.jsonl"), first.clone() + &rows(&at("b"))).unwrap();
     assert!(eval(&at("a"), &["--trials", "3", "--resume"]).status.success());
     assert_eq!(whole, files(&at("a")));
+    let report = fs::read_to_string(at("a").join("report.html")).unwrap();
+    assert!(report.contains("6 throws"), "the report is of all rows");
     fs::write(at("a").join("trials.jsonl"), first.clone() + &first).unwrap();
     let output = eval(&at("a"), &["--trials", "4", "--resume"]);
     assert_eq!(output.status.code(), Some(2), "a throw twice: {}", stderr(&output));

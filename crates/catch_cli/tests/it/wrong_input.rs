@@ -363,7 +363,7 @@ fn flights_are_followed_no_farther_than_they_can_be() {
     fs::write(&track, rows).unwrap();
     let track = track.to_str().unwrap();
     for at in ["-5", "1e9"] {
-        one_line(&["predict", "--track", track, "--at", at], &["--at", "a time to which the flight can be followed"]);
+        one_line(&["predict", "--track", track, "--at", at], &["--at", "a time nearer to the track"]);
     }
     assert!(catchingbot(&["predict", "--track", track, "--at", "0.5"]).status.success());
 }

@@ -249,7 +249,7 @@ fn within(folder: &Path) -> Result<PathBuf, InputError> {
         }
     }
     let expected = "a folder with an SDF or URDF file, with a mesh, or with depth images and their rig.toml";
-    Err(InputError::new(folder.display(), "the folder", "no such file", expected))
+    Err(InputError::new(folder.display(), "the folder", "none of them", expected))
 }
 
 fn ending(path: &Path) -> String {

@@ -16,14 +16,16 @@ use crate::{
 
 /// Coefficients of the [`features`] of a throw.
 pub const COEFFICIENTS: [f64; 3] = [3.322, 2.112, -0.678];
+/// Cameras of the rigs that they were fitted to.
+const CAMERAS: usize = 2;
 /// A ball's narrowest extent is its diameter, to this fraction.
 const ROUND: f64 = 0.9;
-/// The probability that each throw is caught, averaged; none for other arms and hands.
-pub(super) fn rate(setup: &Setup, flights: &[FlightScore]) -> Option<f64> {
+/// The probability that each throw is caught, averaged; none for other arms, hands and numbers of cameras.
+pub(super) fn rate(setup: &Setup, cameras: usize, flights: &[FlightScore]) -> Option<f64> {
     // The rates were found with the arm and the hand of this scenario.
     let usual = Asset::built_in(Kind::Scenario, DEFAULT_SCENARIO).and_then(|it| Scenario::of_asset(&it)).ok()?;
     let has = |it: &Scenario| (it.robot.clone(), it.gripper.clone());
-    if has(&setup.scenario) != has(&usual) {
+    if cameras != CAMERAS || has(&setup.scenario) != has(&usual) {
         return None;
     }
     let is_round = is_round(setup);
@@ -67,13 +69,13 @@ mod tests {
 
     #[test]
     fn nothing_is_expected_of_what_was_not_measured() {
-        let rate = |robot: Option<&str>, object| {
+        let rate = |robot: Option<&str>, object, cameras| {
             let setup = Setup::load(&Choice { robot, object, ..Choice::default() }).unwrap();
             let flight = FlightScore { shown_by_two_s: 0.3, decision_sd_m: 1e-3, closing_sd_m: 1e-3 };
-            rate(&setup, &[flight])
+            rate(&setup, cameras, &[flight])
         };
-        let [ball, banana] = ["tennis_ball", "banana"].map(|object| rate(None, Some(object)).unwrap());
+        let [ball, banana] = ["tennis_ball", "banana"].map(|object| rate(None, Some(object), 2).unwrap());
         assert!((ball - 0.965).abs() < 1e-3 && (banana - 0.892).abs() < 1e-3, "{ball} {banana}");
-        assert_eq!(rate(Some("panda"), None), None);
+        assert_eq!([rate(Some("panda"), None, 2), rate(None, None, 1)], [None, None]);
     }
 }

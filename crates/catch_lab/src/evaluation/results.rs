@@ -70,7 +70,8 @@ impl Results {
             check_identity(&folder.join(IDENTITY_FILE), &identity)?;
         } else if let Some(file) = [TRIALS_FILE, REPORT_FILE].into_iter().find(|it| folder.join(it).exists()) {
             let found = format!("`{}`, which holds {file}", folder.display());
-            let expected = "a folder without: what it is of is not known";
+            let expected =
+                format!("a folder that also has {IDENTITY_FILE}, which says what these rows are of, or an empty one");
             return Err(InputError::new(COMMAND_LINE, "--out", found, expected));
         } else {
             whole_file::write(&folder.join(IDENTITY_FILE), identity_text(&identity)?)?;

@@ -65,11 +65,18 @@ pub struct GripperLatency {
 /// Measures the latency of the gripper in recordings.
 ///
 /// # Errors
-/// A file that is no complete recording; recordings without a move that tells a latency, and why.
+/// A file that is no complete recording; recordings of several grippers, or without a move that tells a
+/// latency, and why.
 pub fn measure(recordings: &[PathBuf]) -> Result<GripperLatency, InputError> {
     let (mut moves, mut unused) = (Vec::new(), UnusedMoves::default());
+    let mut gripper: Option<String> = None;
     for path in recordings {
         let recorded = RecordedMoves::read(path)?;
+        let first = gripper.get_or_insert_with(|| recorded.gripper.clone());
+        if *first != recorded.gripper {
+            let expected = format!("moves of {first}, as in the recordings before");
+            return Err(InputError::new(path.display(), "gripper", &recorded.gripper, expected));
+        }
         let measured = recorded.latencies(&mut unused).into_iter();
         moves.extend(measured.map(|(start_s, latency_s)| MoveLatency { recording: path.clone(), start_s, latency_s }));
     }
@@ -109,6 +116,8 @@ struct StartedMove {
 /// Recorded moves and widths of the gripper.
 #[derive(Debug)]
 struct RecordedMoves {
+    /// Name of the gripper.
+    gripper: String,
     fingers: Closing,
     widths: Vec<SensedWidth>,
     started: Vec<StartedMove>,
@@ -127,7 +136,7 @@ impl RecordedMoves {
             widths.push(SensedWidth { time_s, width_m });
             moves.tick(time_s, &tick.command);
         }
-        Ok(Self { fingers, widths, started: moves.started })
+        Ok(Self { gripper: gripper.name, fingers, widths, started: moves.started })
     }
 
     /// Start and latency of the moves that tell one.
@@ -248,7 +257,7 @@ mod tests {
             SensedWidth { time_s, width_m: (width_m(0.237, state_s) / step_m).round() * step_m }
         });
         let started = vec![StartedMove { start_s: 0.2, width_m: 0.0, is_timely: true }];
-        RecordedMoves { fingers: FINGERS, widths: widths.collect(), started }
+        RecordedMoves { gripper: String::new(), fingers: FINGERS, widths: widths.collect(), started }
     }
 
     #[test]
