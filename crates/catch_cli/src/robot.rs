@@ -264,11 +264,9 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
         screen::fact("ignored", &imported.ignored.join(", "))?;
     }
     screen::fact("assumed", &format!("{} values that no file says", assumed.len()))?;
-    if let Some(Reach { within_reach, throws }) = &reach {
-        screen::fact("within reach", &format!("{within_reach} of {throws} throws other than the pose was chosen for"))?;
-    } else {
-        screen::fact("waiting pose", "not searched: until `catchingbot ready` finds one, few throws are caught")?;
-    }
+    let not_searched = "not searched: until `catchingbot ready` finds one, few throws are caught".to_owned();
+    let pose = reach.map_or(not_searched, |it| format!("reaches {} of {} other throws", it.within_reach, it.throws));
+    screen::fact("waiting pose", &pose)?;
     let out = arguments.out.to_string_lossy();
     screen::fact("written", &out)?;
     screen::fact("what is assumed?", &screen::command(&["check", &out]))?;
