@@ -16,7 +16,7 @@ use catch_lab::{
         Cell, Evaluation, MOST_THREADS, Row,
         cell_summary::CellSummary,
         published::{published_rate, published_rates},
-        results::{REPORT_FILE, Results, TRIALS_FILE},
+        results::{REPORT_FILE, Results},
         summary_table,
         trial_table::PARQUET_FILE,
     },
@@ -135,9 +135,6 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let folder = &*arguments.out;
     tell_how_to_resume(folder);
     let started = Instant::now();
-    // Rows that were added by hand, as those of another machine are, are in no report.
-    let modified = |file: &str| fs::metadata(folder.join(file)).and_then(|it| it.modified()).ok();
-    let is_reported = modified(REPORT_FILE) >= modified(TRIALS_FILE);
     let evaluation = evaluation(arguments)?;
     let is_told = !arguments.json;
     let setup = &evaluation.cells[0].setup;
@@ -162,13 +159,14 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let cells = identity.summarize(rows);
     let times = Times { wall_s, threads, trials: *timed, stages: stopwatch.summary().into_iter().collect() };
     // If nothing was left to run, the times of the run that did it all stay, and so does the report that
-    // shows them.
-    let is_new = times.trials > 0 || !folder.join(TIMES_FILE).exists();
-    if is_new {
-        let text = serde_json::to_string_pretty(&times)? + "\n";
-        whole_file::write(&folder.join(TIMES_FILE), text)?;
-    }
-    if is_new || !is_reported {
+    // shows them, unless rows were added by hand.
+    let times_file = folder.join(TIMES_FILE);
+    let before: Option<serde_json::Value> = fs::read(&times_file).ok().and_then(|it| serde_json::from_slice(&it).ok());
+    let is_reported = before.as_ref().is_some_and(|it| it["rows"] == rows.len()) && folder.join(REPORT_FILE).exists();
+    if *timed > 0 || !is_reported {
+        let mut text = before.filter(|it| *timed == 0 && it.is_object()).unwrap_or(serde_json::to_value(&times)?);
+        text["rows"] = rows.len().into();
+        whole_file::write(&times_file, serde_json::to_string_pretty(&text)? + "\n")?;
         write_report(&evaluation, &done, (MOST_MISSES, threads), folder)?;
     }
     if !arguments.json {

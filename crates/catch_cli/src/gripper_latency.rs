@@ -62,6 +62,8 @@ pub fn run(arguments: &GripperLatencyArguments) -> anyhow::Result<()> {
         "unusable moves",
         &format!("{late} that arrived late, {not_at_rest} of moving fingers, {not_moved} in which no finger moved"),
     )?;
-    let few = if moves.len() < RELIABLE { " (of few moves, not to be relied upon)" } else { "" };
-    Ok(screen::fact("setting", &format!("{setting}{few}"))?)
+    if moves.len() < RELIABLE {
+        screen::fact("few moves", &format!("{RELIABLE} or more give a median that can be relied upon"))?;
+    }
+    Ok(screen::fact("setting", &setting)?)
 }

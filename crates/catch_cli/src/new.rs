@@ -69,13 +69,15 @@ enum NewKind {
 /// A name that cannot be a file's, or that something built in has; a file that is already there.
 pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
     let name = &arguments.name;
-    if Kind::ALL.iter().any(|kind| kind.names().contains(&name.as_str())) {
-        let (found, expected) =
-            (format!("`{name}`, which is built in"), "another name: options would take what is built in");
-        return Err(InputError::new(COMMAND_LINE, "NAME", found, expected).into());
-    }
     let object = Kind::Object.names()[0];
-    let of_kind = |kind, trial: &str| Ok::<_, InputError>((templates::files(kind, name)?, trial.to_owned()));
+    let of_kind = |kind: Kind, trial: &str| {
+        if kind.names().contains(&name.as_str()) {
+            let (found, expected) =
+                (format!("`{name}`, which is built in"), "another name: options take what is built in");
+            return Err(InputError::new(COMMAND_LINE, "NAME", found, expected));
+        }
+        Ok((templates::files(kind, name)?, trial.to_owned()))
+    };
     // Trial command: {} is the first of the files.
     let (new_files, trial) = match arguments.kind {
         NewKind::Robot => of_kind(Kind::Robot, "--robot {}")?,

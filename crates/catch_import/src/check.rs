@@ -59,10 +59,9 @@ const TELLTALES: [(&str, Kind); 14] = [
 /// Checks one file, or what is built in under this name.
 pub fn check(path: &Path) -> Checked {
     let built_in = built_in(path);
-    let path = match described_file(path) {
+    let path = match described_file(path).or_else(|fault| built_in.as_ref().map(|_| path.to_owned()).ok_or(fault)) {
         Ok(path) => path,
-        Err(fault) if built_in.is_none() => return Checked::unreadable(fault),
-        Err(_) => path.to_path_buf(),
+        Err(fault) => return Checked::unreadable(fault),
     };
     // Every kind of file is read in the same way; which kind it is only shows afterwards.
     let asset = match built_in.clone().map_or_else(|| Asset::on_disk(Kind::Scenario, &path), Ok) {

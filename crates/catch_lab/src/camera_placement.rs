@@ -127,11 +127,11 @@ impl Score {
     /// A sentence on what the cameras know of the throws of a setup, and whether it is enough for the free
     /// space between object and fingers.
     pub fn summary(&self, setup: &Setup) -> String {
-        let margin_m = setup.scenario.brain.grasp_selection.finger_margin_m;
-        let [middle_m, high_m] = [0.5, 0.9].map(|fraction| self.quantile_m(|it| it.decision_sd_m, fraction));
         if self.shown_by_one == 0.0 {
             return "no camera shows the object on its way to the catch; `catchingbot place-cameras` finds better poses".to_owned();
         }
+        let margin_m = setup.scenario.brain.grasp_selection.finger_margin_m;
+        let [middle_m, high_m] = [0.5, 0.9].map(|fraction| self.quantile_m(|it| it.decision_sd_m, fraction));
         let known = format!(
             "two cameras or more show the object for {:.0} % of its way to the catch; when the catch is decided, its place there is \
              known to {:.1} mm (90 % of the throws: {:.1} mm)",
@@ -326,8 +326,8 @@ impl<'a> PlacementStudy<'a> {
         }
         let unseen = vec![Matrix6::zeros(); told[0].len()];
         if chosen.iter().all(|it| told[*it] == unseen) {
-            let expected = "a volume from which a camera shows the object before the catch is decided";
-            return Err(InputError::new(COMMAND_LINE, "--from and --to", "no such place", expected));
+            let expected = "a volume from which cameras show it before the fingers close";
+            return Err(InputError::new(COMMAND_LINE, "--from and --to", "no camera shows the object", expected));
         }
         let mut unchanged = 0;
         while unchanged < chosen.len() {

@@ -256,7 +256,8 @@ impl Scenario {
     }
 }
 
-/// Adds the tables on the way to a field that a scenario may have and this one leaves out.
+/// Adds the tables on the way to a field that a scenario may have and this one leaves out, unless a field of
+/// theirs has no default.
 fn add_optional_tables(path: &str, tree: &mut toml::Table) {
     for (end, _) in path.match_indices('.') {
         let mut with_table = tree.clone();

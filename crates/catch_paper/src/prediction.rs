@@ -95,6 +95,8 @@ mod tests {
             let symmetry = Symmetry::Axis { axis, reversible: false, axial_inertia: 1.0 };
             let sampling = SamplingConfig { knows_symmetry, ..SamplingConfig::default() };
             let mut predictor = RansacPredictor::new(Config::default(), sampling, symmetry, 1);
+            assert_eq!(predictor.predict(&poses[..5], None), Err(PredictionStatus::TooFewPoses));
+            assert!(predictor.predict(&poses[..6], None).is_ok());
             predictor.predict(&poses, None).unwrap().w_WO
         };
         assert!(spin(true).norm() < 1e-6 && (spin(false) - axis.scale(2.0)).norm() < 1e-6);

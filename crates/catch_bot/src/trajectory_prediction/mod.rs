@@ -78,7 +78,8 @@ impl Default for Config {
     }
 }
 
-/// Poses that agree on a first flight: two agree with the flight through them whatever they are.
+/// Poses before there is a first flight, and the fewest that agree on one: two agree with the flight through
+/// them whatever they are.
 pub const FIRST_AFTER: usize = 3;
 /// Newest poses at most that sampling looks at (paper, III-B).
 const WINDOW: usize = 30;

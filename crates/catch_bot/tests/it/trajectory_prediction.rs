@@ -216,6 +216,7 @@ fn too_little_or_nonsense_gives_a_status() {
         InformationFit::new(config.clone(), banana(), 0).predict(&poses[..2], None),
         Err(PredictionStatus::TooFewPoses)
     );
+    assert!(InformationFit::new(config.clone(), banana(), 0).predict(&poses[..3], None).is_ok());
     let same = vec![poses[0]; 10];
     assert!(InformationFit::new(config.clone(), banana(), 0).predict(&same, None).is_err());
     for pose in &mut poses[3..10] {

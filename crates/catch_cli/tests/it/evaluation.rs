@@ -213,7 +213,9 @@ fn results_are_not_lost_by_mistake() {
     // Finished results stay as they are, with their times and their report.
     let others = ["times.json", "report.html"].map(|name| folder.path().join(name));
     let read = || others.each_ref().map(|path| fs::read(path).unwrap());
-    let (times, text) = (read(), stdout(&eval(folder.path(), &["--trials", "1", "--resume"])));
+    let times = read();
+    assert!(eval(folder.path(), &["--trials", "1", "--resume"]).status.success());
+    let text = stdout(&eval(folder.path(), &["--trials", "1", "--resume"]));
     assert_eq!((before, times), (files(folder.path()), read()), "{text}");
     // A trial more is told as one.
     assert!(eval(folder.path(), &["--trials", "2", "--resume"]).status.success());

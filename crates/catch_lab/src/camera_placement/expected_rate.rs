@@ -20,6 +20,7 @@ pub const COEFFICIENTS: [f64; 3] = [3.322, 2.112, -0.678];
 const CAMERAS: usize = 2;
 /// A ball's narrowest extent is its diameter, to this fraction.
 const ROUND: f64 = 0.9;
+
 /// The probability that each throw is caught, averaged; none for other arms, hands and numbers of cameras.
 pub(super) fn rate(setup: &Setup, cameras: usize, flights: &[FlightScore]) -> Option<f64> {
     // The rates were found with the arm and the hand of this scenario.

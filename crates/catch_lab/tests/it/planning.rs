@@ -27,7 +27,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 pub const OBJECTS: [&str; 3] = ["tennis_ball", "banana", "pill_bottle"];
-/// Usual time of the first estimate of a flight, in seconds.
+/// Time from which the flight is known, in seconds.
 const KNOWN_S: f64 = 0.07;
 
 /// Everything for planning catches of one object.
