@@ -35,8 +35,8 @@ const PAGE_IMAGES: usize = 2;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The arm rests in poses that determine the cameras' poses best, and moves from one to the next. Each
-camera finds its pose, the scale of its depths and the time between its clock and the arm's, from its
-images of the arm. The rig that is written replaces the initial one:
+camera finds its pose, the scale of its depths and the time between its clock and the arm's, from
+its images of the arm. The rig that is written replaces the initial one:
 
   catchingbot calibrate --scenario honest --rig d435_2 --out calibrated \\
       --set camera=d435 --set arena.depth.model=near_stereo --set arena.depth.calibration_sd_m=0.03

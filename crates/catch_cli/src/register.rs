@@ -19,9 +19,9 @@ use crate::{number, screen};
 The reference should show the object from all sides: a mesh, or a cloud with normals. Normals of a
 cloud without any are taken to point away from its middle, which is right for objects that bulge
 everywhere. The result is X_CR, which takes points of the reference into the cloud's frame;
-rotations that do not change the object's look cannot be seen and are left out. The pose is `registered` only if no
-other explains the points as well, and if a stated --noise explains how far they are off. Lengths in
-metres.
+rotations that do not change the object's look cannot be seen and are left out. The pose is
+`registered` only if no other explains the points as well, and if a stated --noise explains how far
+they are off. Lengths in metres.
 
 Examples:
   catchingbot register --cloud seen.ply --reference thing.obj
