@@ -8,12 +8,7 @@ use catch_bot::{
     control::{CatchPlanner, Decision, Situation, Status},
 };
 use catch_cell::{Brain as _, Command, Observation, PixelWindow};
-use catch_lab::{
-    evaluation::{self, Row},
-    referee,
-    scenario::setup::Setup,
-    trial::{Episode, StateSnapshot, stopwatch::Stopwatch},
-};
+use catch_lab::{scenario::setup::Setup, trial::StateSnapshot};
 use catch_view::{playback::MotionSample, shading::Shader, viewpoint::overview};
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::{
@@ -26,6 +21,7 @@ use crate::{
     arguments::{Numbers, fault, json_dict, locked},
     policy_actor::{Action, SteeredArm},
     policy_view::{self, SeenArray, View},
+    stepping::{Throw, with},
     trial::line,
 };
 
@@ -45,21 +41,19 @@ impl CatchPlanner for NoPlanner {
 #[pyclass(frozen, module = "catchingbot")]
 pub struct SteeredArena {
     setup: Arc<Setup>,
-    scene: (u64, u64),
     view: View,
     shader: OnceLock<Shader>,
     state: Mutex<Option<State>>,
 }
 
 struct State {
-    episode: Option<Box<Episode>>,
+    throw: Throw,
     sensed: Observation,
     seen: Vec<SeenArray>,
     eyes: Option<Box<CatchingBot>>,
     /// Windows of the next images, as in [`Command::windows`].
     windows: Option<Vec<PixelWindow>>,
     arm: Box<SteeredArm>,
-    row: Option<Row>,
     /// Where arm and object are.
     last: Option<MotionSample>,
 }
@@ -71,37 +65,16 @@ impl SteeredArena {
         if view == View::Depth && sizes.clone().any(|size| Some(size) != sizes.clone().next()) {
             return Err(fault("obs", "'depth' of cameras that differ in size", "another one"));
         }
-        let mut episode = Box::new(Episode::new(setup, seed, index));
-        let sensed = episode.sense();
+        let mut throw = Throw::new(setup, seed, index);
+        let sensed = throw.flying()?.sense();
         let arm = Box::new(SteeredArm::new(setup, action, sensed.time_s));
         let eyes = (view == View::Pose).then(|| Box::new(eyes(setup, seed, index)));
         // Images that nobody looks at are not taken.
         let windows = (view == View::State).then(|| vec![PixelWindow::default(); setup.cameras.len()]);
-        let mut state =
-            State { episode: Some(episode), seen: Vec::new(), eyes, windows, arm, row: None, last: None, sensed };
+        let mut state = State { throw, seen: Vec::new(), eyes, windows, arm, last: None, sensed };
         state.think();
         state.look(setup, view);
-        Ok(Self {
-            setup: setup.clone(),
-            scene: (seed, index),
-            view,
-            shader: OnceLock::new(),
-            state: Mutex::new(Some(state)),
-        })
-    }
-
-    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut State) -> PyResult<T> + Send) -> PyResult<T> {
-        py.detach(|| {
-            let mut state = locked(&self.state);
-            work(state.as_mut().ok_or_else(|| PyRuntimeError::new_err("arena: it is closed"))?)
-        })
-    }
-
-    fn row_of<T: Send>(&self, py: Python<'_>, of: impl FnOnce(&Row) -> PyResult<T> + Send) -> PyResult<T> {
-        self.with(py, |state| match &state.row {
-            Some(row) => of(row),
-            None => Err(PyRuntimeError::new_err("arena: the throw is not done")),
-        })
+        Ok(Self { setup: setup.clone(), view, shader: OnceLock::new(), state: Mutex::new(Some(state)) })
     }
 }
 
@@ -115,19 +88,18 @@ fn eyes(setup: &Setup, seed: u64, index: u64) -> CatchingBot {
 
 impl State {
     /// Acts as far as the limits allow; whether the throw is over then.
-    fn step(&mut self, setup: &Setup, view: View, action: &[f64]) -> bool {
-        let Some(episode) = &mut self.episode else { return true };
+    fn step(&mut self, setup: &Setup, view: View, action: &[f64]) -> PyResult<bool> {
+        let episode = self.throw.flying()?;
         let start_s = self.sensed.time_s + setup.scenario.brain.control.expected_latency_s;
         let snapshot = StateSnapshot { time_s: self.sensed.time_s, report: None, stage_ms: Vec::new() };
         let command = self.arm.command(setup, &self.sensed, start_s, action);
         episode.act(&Command { windows: self.windows.clone(), ..command }, snapshot, 0.0);
-        let is_done = episode.is_done();
-        if !is_done {
+        if !episode.is_done() {
             self.sensed = episode.sense();
             self.think();
         }
         self.look(setup, view);
-        is_done
+        Ok(self.throw.judge_at_end())
     }
 
     /// Perception and prediction of what was sensed.
@@ -139,13 +111,11 @@ impl State {
 
     /// The arrays of what was sensed.
     fn look(&mut self, setup: &Setup, view: View) {
-        let Self { sensed, episode, eyes, .. } = self;
-        self.last = episode.as_ref().and_then(|it| it.truth().samples.last()).map(MotionSample::from);
+        let Self { sensed, throw, eyes, .. } = self;
+        let last = throw.episode.as_ref().and_then(|it| it.truth().samples.last());
+        self.last = last.map(MotionSample::from);
         let seen = match view {
-            View::State => {
-                let last = episode.as_ref().and_then(|it| it.truth().samples.last());
-                policy_view::object(last.map(|it| (it.X_WO, it.V_WO)), None, sensed.time_s)
-            }
+            View::State => policy_view::object(last.map(|it| (it.X_WO, it.V_WO)), None, sensed.time_s),
             View::Pose => policy_view::object(None, eyes.as_ref().map(|it| it.report()), sensed.time_s),
             View::Depth => policy_view::depth(setup, sensed),
             View::Cloud => policy_view::cloud(setup, sensed),
@@ -160,17 +130,7 @@ impl SteeredArena {
     /// joint and one for the gripper, which closes above 0.
     fn step(&self, py: Python<'_>, action: &Bound<'_, PyAny>) -> PyResult<bool> {
         let action = Numbers::read("action", action, &[self.setup.robot.dof() + 1])?.values;
-        self.with(py, |state| {
-            if state.row.is_some() {
-                return Err(PyRuntimeError::new_err("arena: the throw is done"));
-            }
-            let is_done = state.step(&self.setup, self.view, &action);
-            if let Some(episode) = state.episode.take_if(|_| is_done) {
-                let verdict = referee::judge(&self.setup, &episode.into_trial(Stopwatch::default()));
-                state.row = Some(evaluation::row(&self.setup, self.scene.0, self.scene.1, verdict));
-            }
-            Ok(is_done)
-        })
+        with(py, &self.state, |state| state.step(&self.setup, self.view, &action))
     }
 
     /// Last observation, as arrays of one shape: `arm` (positions, velocities, gripper width, time), and
@@ -178,7 +138,7 @@ impl SteeredArena {
     /// `depth` or `cloud`.
     #[getter]
     fn observation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let seen = self.with(py, |state| Ok(state.seen.clone()))?;
+        let seen = with(py, &self.state, |state| Ok(state.seen.clone()))?;
         let arrays = PyDict::new(py);
         for (name, shape, values) in seen {
             arrays.set_item(name, PyArray1::from_vec(py, values).reshape(shape)?)?;
@@ -190,7 +150,7 @@ impl SteeredArena {
     #[getter]
     fn picture<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let Setup { robot, gripper, object, .. } = &*self.setup;
-        let pixels = self.with(py, |state| {
+        let pixels = with(py, &self.state, |state| {
             let shader = self.shader.get_or_init(|| Shader::new(robot, gripper, Some(&object.mesh)));
             let sample = state.last.as_ref().ok_or_else(|| PyRuntimeError::new_err("arena: nothing moved yet"))?;
             Ok(shader.image(&overview(robot, PICTURE_PX), sample, &[]))
@@ -202,14 +162,13 @@ impl SteeredArena {
     /// The row of this throw in an evaluation, once it is done.
     #[getter]
     fn row<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let row = self.row_of(py, |row| Ok(row.clone()))?;
-        json_dict(py, &row)
+        json_dict(py, &with(py, &self.state, |state| state.throw.row().cloned())?)
     }
 
     /// Result of the throw as the line of JSON that `catchingbot eval` writes.
     #[getter]
     fn jsonl<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let line = self.row_of(py, line)?;
+        let line = with(py, &self.state, |state| line(state.throw.row()?))?;
         Ok(PyBytes::new(py, line.as_bytes()))
     }
 
