@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 
 use crate::{
     arguments::{Named, Numbers, fault, input_fault},
-    cell_state::{Made, quantity},
+    cell_state::quantity,
     equipment::asset,
 };
 
@@ -92,12 +92,6 @@ impl Camera {
         })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        let model = serde_json::to_string(&slf.get().model).unwrap_or_default();
-        let make = py.import("catchingbot._catchingbot")?.getattr("camera_from_json")?;
-        Ok((make, (model,).into_pyobject(py)?))
-    }
-
     /// Matrix of the intrinsics in pixels, 3×3.
     #[getter]
     #[allow(non_snake_case)]
@@ -124,11 +118,4 @@ impl Camera {
     fn rate_hz(&self) -> Option<f64> {
         self.model.rate_hz
     }
-}
-
-/// A camera from another process.
-#[pyfunction]
-pub fn camera_from_json(model: &str) -> PyResult<Camera> {
-    let model = serde_json::from_str(model).map_err(|it| fault("model", it, "a camera as it was pickled"))?;
-    Ok(Camera { model })
 }

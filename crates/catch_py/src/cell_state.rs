@@ -8,17 +8,10 @@ use catch_cell::{
     ArmState as SensedArm, GraspState, GripperState as SensedGripper, RejectedTrajectory, Setpoint, TrajectoryId,
 };
 use numpy::{PyArray1, PyArray2};
-use pyo3::{
-    exceptions::PyTypeError,
-    prelude::*,
-    types::{PyDict, PyTuple},
-};
+use pyo3::{exceptions::PyTypeError, prelude::*, types::PyDict};
 use serde_json::{Value, json};
 
 use crate::arguments::{Numbers, Whole, fault, joint_vector, json_dict, list, name_of, number};
-
-/// Class and arguments from which another process makes a value again.
-pub type Made<'py> = (Bound<'py, PyAny>, Bound<'py, PyTuple>);
 
 /// One number per joint of the arm.
 pub fn joint_array<'py>(py: Python<'py>, joints: &JointVector, dof: usize) -> Bound<'py, PyArray1<f64>> {
@@ -91,11 +84,6 @@ impl ArmState {
         let time_s = quantity("time_s", time_s, &quantity::CLOCK_S)?;
         let rejected = rejected.transpose()?.unwrap_or_default();
         Ok(Self { sensed: SensedArm { time_s, q, dq, commanded, executing, rejected }, dof })
-    }
-
-    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (self.time_s(), self.q(py), self.dq(py), self.commanded(py)?, self.executing(), self.rejected())
-            .into_pyobject(py)
     }
 
     /// Time of the sample, on the cell's clock.
@@ -176,10 +164,6 @@ impl Rejection {
         Ok(Self { rejected: RejectedTrajectory { id, reason: serde_json::from_value(told).map_err(wrong)? } })
     }
 
-    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (self.id(), self.reason(), self.details(py)?).into_pyobject(py)
-    }
-
     /// Identifier of the trajectory.
     #[getter]
     fn id(&self) -> u64 {
@@ -238,11 +222,6 @@ impl GripperState {
             grasp: state.ok_or_else(|| fault("grasp", format!("'{grasp}'"), expected))?,
         };
         Ok(Self { sensed })
-    }
-
-    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let SensedGripper { width_m, speed_mps, force_n, grasp } = self.sensed;
-        (width_m, speed_mps, force_n, name_of(grasp)).into_pyobject(py)
     }
 
     /// Distance between the fingers' inner faces in metres.

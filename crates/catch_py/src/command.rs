@@ -134,11 +134,6 @@ impl GripperMove {
             force_n: above_zero("force_n", force_n)?,
         })
     }
-
-    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let Self { start_s, width_m, speed_mps, force_n } = *self;
-        (start_s, width_m, speed_mps, force_n).into_pyobject(py)
-    }
 }
 
 /// Command of a brain: a new trajectory, other moves of the gripper, both or nothing.
@@ -180,10 +175,6 @@ impl Command {
         let windows = windows.map(|windows| windows.into_iter().map(window).collect());
         let sent = Sent { arm, gripper: moves.transpose()?, windows };
         Ok(Self { sent, snapshot: None, dof: trajectory.map_or(0, |it| it.dof) })
-    }
-
-    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (self.trajectory(), self.gripper(), self.windows()).into_pyobject(py)
     }
 
     /// Replaces the executing trajectory from its start on; `None` changes nothing.

@@ -3,13 +3,9 @@
 use std::fs;
 
 use catch_body::InputError;
-use catch_lab::{
-    evaluation::{
-        BrainFactory, Cell, Evaluation, Row,
-        trial_table::{self, Column, Kind},
-    },
-    parallel,
-    scenario::setup::Setup,
+use catch_lab::evaluation::{
+    Evaluation, Row,
+    trial_table::{self, Column, Kind},
 };
 use numpy::IntoPyArray;
 use pyo3::{
@@ -21,60 +17,28 @@ use serde_json::Value;
 
 use crate::{
     arguments::{fault, input_fault},
-    python_brain::{self, Ending, Maker},
-    python_stages,
+    python_brain::Ending,
     trial::line,
 };
 
-/// Evaluation that is asked for, with all arguments checked.
-pub struct Asked {
-    /// The setup as Python has it.
-    pub setup: Py<PyAny>,
-    /// Throws.
-    pub trials: u64,
-    /// Seed of everything random.
-    pub seed: u64,
-    /// Number of the first throw.
-    pub first: u64,
-    /// Throws at the same time; `None` is one per core.
-    pub threads: Option<u64>,
-    /// Makes a brain for each throw; `None` is the scenario's.
-    pub brain: Option<Py<PyAny>>,
-    /// Make its predictor and its planner; `None` are the scenario's.
-    pub predictor: Option<Py<PyAny>>,
-    /// See `predictor`.
-    pub planner: Option<Py<PyAny>>,
-    /// Callback that is given the number of finished throws, and of all.
-    pub progress: Option<Py<PyAny>>,
-}
-
-/// Runs the throws. An exception of the brain or of `progress` ends it, and so does the user's interrupt.
-pub fn evaluate<'py>(py: Python<'py>, setup: &Setup, asked: Asked) -> PyResult<Bound<'py, PyAny>> {
-    let Asked { setup: shown, trials, seed, first, threads, brain, predictor, planner, progress } = asked;
-    let python = Ending::default();
-    let maker =
-        |names, make: Option<Py<PyAny>>| make.map(|make| Maker::new(names, make, shown.clone_ref(py), python.clone()));
-    let brain = maker(["brain", "tick"], brain);
-    let (predictor, planner) = (maker(["predictor", "predict"], predictor), maker(["planner", "plan"], planner));
+/// Runs the throws. An exception of what is made in Python, which ends in `python`, or of `progress` ends it,
+/// and so does the user's interrupt.
+pub fn evaluate<'py>(
+    py: Python<'py>,
+    evaluation: &Evaluation,
+    threads: usize,
+    python: &Ending,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
     let mut rows: Vec<Row> = Vec::new();
     let mut ending = None;
     let done = py.detach(|| {
-        // Clones keep what has been prepared.
-        setup.prepare();
-        let brain = match brain {
-            Some(maker) => python_brain::factory(maker, setup.robot.dof()),
-            None if predictor.is_some() || planner.is_some() => python_stages::factory(predictor, planner),
-            None => BrainFactory::default(),
-        };
-        let cell = Cell::with_brain(setup.clone(), brain);
-        let evaluation = Evaluation { cells: vec![cell], seed, first, trials };
-        let threads = threads.map_or_else(parallel::threads, |it| it as usize);
         evaluation.run(0, threads, &mut |row, _| {
             rows.push(row);
             let told = python.check().and_then(|()| {
                 Python::attach(|py| {
                     py.check_signals()?;
-                    progress.as_ref().map_or(Ok(()), |it| it.call1(py, (rows.len(), trials)).map(drop))
+                    progress.as_ref().map_or(Ok(()), |it| it.call1(py, (rows.len(), evaluation.trials)).map(drop))
                 })
             });
             told.map_err(|it| {

@@ -37,7 +37,7 @@ mod _catchingbot {
     #[pymodule_export]
     use crate::{
         brain::{Brain, Recorder},
-        camera::{Camera, camera_from_json},
+        camera::Camera,
         cell_state::{ArmState, GripperState, Rejection},
         command::{Command, GripperMove, Trajectory},
         equipment::{Gripper, Robot},
@@ -48,12 +48,12 @@ mod _catchingbot {
         observation::{DepthFrame, Observation},
         plan::Plan,
         python_stages::{ObjectPose, Situation},
-        recording::{Recording, recorded_setup},
+        recording::Recording,
         registration::{RegisteredPose, register},
         setup::Setup,
         steered_arena::SteeredArena,
         stepping::Arena,
-        trial::{Trial, trial_from},
+        trial::Trial,
         viewing::viewed,
     };
     use pyo3::prelude::*;

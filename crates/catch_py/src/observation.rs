@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use catch_body::quantity;
 use catch_cell::{Observation as Sensed, PixelWindow};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
-use pyo3::{exceptions::PyTypeError, prelude::*, types::PyTuple};
+use pyo3::{exceptions::PyTypeError, prelude::*};
 
 use crate::{
     arguments::{Whole, fault, instance, locked},
@@ -71,10 +71,6 @@ impl Observation {
             *frame.get().lock() = Image::Sensed(sensed.clone(), i);
         }
         Ok(Self::new(sensed, arm.dof))
-    }
-
-    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (self.time_s(), self.arm(), self.gripper(), self.frames()).into_pyobject(py)
     }
 
     /// The cell's clock in seconds.
@@ -215,10 +211,6 @@ impl DepthFrame {
         });
         let frame = catch_cell::DepthFrame { camera, capture_s, window, depth_m, mask: mask.transpose()? };
         Ok(Self { image: Mutex::new(Image::Alone(Box::new(frame))) })
-    }
-
-    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (self.camera(), self.capture_s(), self.depth_m(py)?, self.window(), self.mask(py)?).into_pyobject(py)
     }
 
     /// Index of the camera in the brain's list.

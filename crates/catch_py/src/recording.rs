@@ -9,10 +9,7 @@ use catch_lab::{
 };
 use catch_recording::Part;
 use numpy::{PyArray1, PyArrayMethods};
-use pyo3::{
-    prelude::*,
-    types::{PyDict, PyTuple},
-};
+use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
     arguments::{Named, fault, input_fault, name_of},
@@ -53,10 +50,6 @@ impl Recording {
         }
     }
 
-    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (self.file.display().to_string(),).into_pyobject(py)
-    }
-
     /// The setup of the throw.
     #[getter]
     fn setup(&self, py: Python<'_>) -> PyResult<Setup> {
@@ -64,7 +57,7 @@ impl Recording {
         let scenario = self.simulation.scenario.clone();
         let nowhere = Origin::BuiltIn(PathBuf::new());
         let lab = py.detach(|| LabSetup::of_scenario(scenario, &file, &nowhere, &Choice::default()));
-        Setup::of_recording(py, Arc::new(lab.map_err(input_fault)?), &file)
+        Ok(Setup { lab: Arc::new(lab.map_err(input_fault)?), made_by: None })
     }
 
     /// Seed of the throw.
@@ -124,10 +117,4 @@ impl Recording {
     fn commands(&self) -> Vec<(f64, Command)> {
         self.commands.iter().map(|(time_s, sent)| (*time_s, Command::recorded(sent.clone(), self.dof))).collect()
     }
-}
-
-/// The setup of a recorded throw, for other processes.
-#[pyfunction]
-pub fn recorded_setup(py: Python<'_>, file: Named) -> PyResult<Setup> {
-    Recording::new(py, file)?.setup(py)
 }

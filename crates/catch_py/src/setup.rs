@@ -5,9 +5,13 @@ use std::sync::Arc;
 use catch_body::JointVector;
 use catch_bot::trajectory_optimization::Start;
 use catch_cell::Setpoint;
-use catch_lab::scenario::{
-    catch_plan,
-    setup::{Choice, DEFAULT_SCENARIO, Setup as LabSetup},
+use catch_lab::{
+    evaluation::{BrainFactory, Cell, Evaluation},
+    parallel,
+    scenario::{
+        catch_plan,
+        setup::{Choice, DEFAULT_SCENARIO, Setup as LabSetup},
+    },
 };
 use catch_recording::{brain::Method, whole_file::COMMAND_LINE};
 use catch_view::export::mjcf;
@@ -26,11 +30,13 @@ use crate::{
     camera::Camera,
     cell_state::joint_array,
     equipment::{Gripper, Robot, object_dict},
-    evaluation::{Asked, evaluate},
+    evaluation::evaluate,
     flight::Flight,
     plan::Plan,
     policy_actor::Action,
     policy_view::View,
+    python_brain::{self, Ending, Maker},
+    python_stages,
     steered_arena::SteeredArena,
     stepping::Arena,
     trial::Trial,
@@ -40,17 +46,10 @@ use crate::{
 /// 'paper'), and with single fields changed: `settings={"arena.drag": False}`.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Setup {
-    lab: Arc<LabSetup>,
-    /// Callable and arguments from which another process makes the setup again.
-    made_by: (Py<PyAny>, Py<PyTuple>),
-}
-
-impl Setup {
-    /// The setup of a recorded throw.
-    pub fn of_recording(py: Python<'_>, lab: Arc<LabSetup>, file: &str) -> PyResult<Self> {
-        let make = py.import("catchingbot._catchingbot")?.getattr("recorded_setup")?;
-        Ok(Self { lab, made_by: (make.unbind(), (file,).into_pyobject(py)?.unbind()) })
-    }
+    /// The setup as the lab has it.
+    pub lab: Arc<LabSetup>,
+    /// Callable by which another process makes the setup again, unless it is of a recording.
+    pub made_by: Option<Py<PyAny>>,
 }
 
 /// Throws of an evaluation at most, as on the command line.
@@ -109,12 +108,12 @@ impl Setup {
         });
         let lab = Arc::new(lab.map_err(input_fault)?);
         let make = py.import("functools")?.call_method("partial", (py.get_type::<Self>(),), Some(&arguments))?;
-        Ok(Self { lab, made_by: (make.unbind(), PyTuple::empty(py).unbind()) })
+        Ok(Self { lab, made_by: Some(make.unbind()) })
     }
 
-    fn __reduce__(&self, py: Python<'_>) -> (Py<PyAny>, Py<PyTuple>) {
-        let (make, arguments) = &self.made_by;
-        (make.clone_ref(py), arguments.clone_ref(py))
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Py<PyAny>, Bound<'py, PyTuple>)> {
+        let make = self.made_by.as_ref().ok_or_else(|| PyTypeError::new_err("the setup of a recording stays here"))?;
+        Ok((make.clone_ref(py), PyTuple::empty(py)))
     }
 
     /// Name of the scenario, with what is different from its file.
@@ -240,18 +239,25 @@ impl Setup {
             ));
         }
         let trials = trials.checked(py, "trials", 1, MOST_TRIALS)?;
-        let asked = Asked {
-            setup: slf.clone().into_any().unbind(),
-            trials,
-            seed: seed.checked(py, "seed", 0, MOST)?,
-            first: first.checked(py, "first", 0, MOST - trials)?,
-            threads: threads.map(|it| it.checked(py, "threads", 1, MOST_THREADS)).transpose()?,
-            brain: brain.map(Bound::unbind),
-            predictor: predictor.map(Bound::unbind),
-            planner: planner.map(Bound::unbind),
-            progress: progress.map(Bound::unbind),
+        let seed = seed.checked(py, "seed", 0, MOST)?;
+        let first = first.checked(py, "first", 0, MOST - trials)?;
+        let threads = threads.map(|it| it.checked(py, "threads", 1, MOST_THREADS)).transpose()?;
+        let python = Ending::default();
+        let maker = |names, make: Option<Bound<'py, PyAny>>| {
+            make.map(|make| Maker::new(names, make.unbind(), slf.clone().into_any().unbind(), python.clone()))
         };
-        evaluate(py, &slf.get().lab, asked)
+        let (predictor, planner) = (maker(["predictor", "predict"], predictor), maker(["planner", "plan"], planner));
+        let lab = &slf.get().lab;
+        let brain = match maker(["brain", "tick"], brain) {
+            Some(maker) => python_brain::factory(maker, lab.robot.dof()),
+            None if predictor.is_some() || planner.is_some() => python_stages::factory(predictor, planner),
+            None => BrainFactory::default(),
+        };
+        // Clones keep what has been prepared.
+        py.detach(|| lab.prepare());
+        let evaluation = Evaluation { cells: vec![Cell::with_brain(lab.as_ref().clone(), brain)], seed, first, trials };
+        let threads = threads.map_or_else(parallel::threads, |it| it as usize);
+        evaluate(py, &evaluation, threads, &python, progress.map(Bound::unbind))
     }
 
     /// A catch of `flight` for an arm with joint positions `q` and velocities `dq` at the time `now_s` on the

@@ -15,10 +15,7 @@ use pyo3::{
     types::{PyBytes, PyDict},
 };
 
-use crate::{
-    arguments::{fault, input_fault, json_dict, name_of},
-    cell_state::Made,
-};
+use crate::arguments::{input_fault, json_dict, name_of};
 
 /// A throw, and what became of it.
 #[pyclass(frozen, module = "catchingbot")]
@@ -44,20 +41,8 @@ pub fn line(row: &Row) -> PyResult<String> {
     Ok(line + "\n")
 }
 
-/// A trial from another process.
-#[pyfunction]
-pub fn trial_from(jsonl: &str, recording: Vec<u8>) -> PyResult<Trial> {
-    let row = serde_json::from_str(jsonl).map_err(|it| fault("jsonl", it, "the row of a trial"))?;
-    Ok(Trial { row, recording })
-}
-
 #[pymethods]
 impl Trial {
-    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
-        let make = py.import("catchingbot._catchingbot")?.getattr("trial_from")?;
-        Ok((make, (line(&slf.get().row)?, slf.get().recording(py)).into_pyobject(py)?))
-    }
-
     /// True if the object was caught and held.
     #[getter]
     fn caught(&self) -> bool {

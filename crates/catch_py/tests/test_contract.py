@@ -51,16 +51,16 @@ def test_observations_that_are_made_again_lead_to_the_same_commands(scenario):
     while not arena.done and commands < 120:
         seen = arena.sense()
         again = made_again(seen)
-        assert same(seen, again) and same(seen, pickle.loads(pickle.dumps(again)))
+        assert same(seen, again)
         one, other = ours.tick(seen), theirs.tick(again)
-        for it in [other, pickle.loads(pickle.dumps(other))]:
-            assert (one.trajectory is None) == (it.trajectory is None) and one.windows == it.windows
-            if one.trajectory is not None:
-                assert one.trajectory.id == it.trajectory.id
-                np.testing.assert_array_equal(one.trajectory.control_points, it.trajectory.control_points)
-                np.testing.assert_array_equal(one.trajectory.knots_s, it.trajectory.knots_s)
-            moves = [None if of.gripper is None else [(m.start_s, m.width_m, m.speed_mps, m.force_n) for m in of.gripper] for of in [one, it]]
-            assert moves[0] == moves[1]
+        trajectory = pickle.loads(pickle.dumps(other.trajectory))
+        assert (one.trajectory is None) == (trajectory is None) and one.windows == other.windows
+        if one.trajectory is not None:
+            assert one.trajectory.id == trajectory.id
+            np.testing.assert_array_equal(one.trajectory.control_points, trajectory.control_points)
+            np.testing.assert_array_equal(one.trajectory.knots_s, trajectory.knots_s)
+        moves = [None if of.gripper is None else [(m.start_s, m.width_m, m.speed_mps, m.force_n) for m in of.gripper] for of in [one, other]]
+        assert moves[0] == moves[1]
         arena.act(one)
         commands += 1
     assert ours.status == theirs.status == "committed"
@@ -81,7 +81,7 @@ def test_images_are_shared_and_not_lost():
     made = [cb.Observation(1, arm, gripper, [frame, frame]), cb.Observation(1, arm, gripper, [frame])]
     depths += 1
     del arm
-    for it in [frame, *made[0].frames, *made[1].frames, *pickle.loads(pickle.dumps(made[0])).frames]:
+    for it in [frame, *made[0].frames, *made[1].frames]:
         np.testing.assert_array_equal(it.depth_m, depths - 1)
         np.testing.assert_array_equal(it.mask, depths - 1 > 2)
 
@@ -163,8 +163,7 @@ def test_the_executor_is_that_of_the_cell(setup):
     np.testing.assert_allclose(executor.advance(0.6), [q, still, still], atol=1e-9)
     state = executor.arm_state(0.6, q, still)
     assert state.executing == 1 and [it.reason for it in state.rejected] == ["late"]
-    again = pickle.loads(pickle.dumps(state))
-    assert [(it.id, it.reason, it.details) for it in again.rejected] == [(2, "late", late.details)]
+    assert [(it.id, it.details) for it in state.rejected] == [(2, late.details)]
     assert executor.arm_state(0.7, q, still).rejected == []
     queue = cb.GripperQueue()
     queue.receive([cb.GripperMove(0.3, 0.0, 0.4, 40.0), cb.GripperMove(0.1, 0.1, 0.4, 40.0)], 0.0)
@@ -182,10 +181,10 @@ def sphere(radius_m: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_brains_without_a_scenario(setup):
     cameras = [cb.Camera(it.K, it.size_px, it.X_WC, sheet="perfect") for it in setup.cameras]
-    for one, again in zip(cameras, pickle.loads(pickle.dumps(cameras)), strict=True):
+    for one, again in zip(setup.cameras, cameras, strict=True):
         np.testing.assert_array_equal(one.K, again.K)
         np.testing.assert_allclose(one.X_WC, again.X_WC, atol=1e-12)
-        assert one.size_px == again.size_px and one.rate_hz == again.rate_hz
+        assert one.size_px == again.size_px
     known = {"mass_kg": 0.058, "drag_per_m": 0.0, "drag_sd_per_m": 0.0}
     make = lambda thing, **more: cb.Brain(setup.robot, setup.gripper, cameras, thing, known=known, **more)
     arena = cb.Setup("paper").arena()
@@ -238,10 +237,7 @@ def test_recordings_of_own_cells_are_replayed(setup, program, tmp_path):
     raises("file", cb.Recorder, tmp_path / "own.txt", brain)
 
 
-def test_trials_are_pickled_and_conditions_are_told(setup):
-    trial = setup.run(index=1)
-    again = pickle.loads(pickle.dumps(trial))
-    assert again.jsonl == trial.jsonl and again.recording == trial.recording
+def test_conditions_are_told(setup):
     drawn = cb.Setup("honest").conditions(seed=2, index=3)
     row = cb.Setup("honest").evaluate(trials=1, seed=2, first=3).rows()[0]
     assert drawn["release"] == row["conditions"]["release"] and drawn["friction"] == row["conditions"]["friction"]
@@ -326,12 +322,14 @@ def test_recordings_have_the_scene_the_commands_and_the_truth(tmp_path):
     for index in range(3):
         trial = setup.run(2, index)
         file.write_bytes(trial.recording)
-        it = pickle.loads(pickle.dumps(cb.Recording(file)))
+        it = cb.Recording(file)
         assert (it.seed, it.index, it.reason) == (2, index, trial.reason)
         assert cb.judge(it.samples, it.disturbed_since_s) is None or trial.reason is not None
         # The same scene and the same commands have the same end; the reason of a miss is the brain's part, too.
-        again = pickle.loads(pickle.dumps(it.setup))
+        again = it.setup
         assert again.conditions(2, index) == setup.conditions(2, index)
+        with pytest.raises(TypeError, match="recording"):
+            pickle.dumps(again)
         arena, commands = again.arena(2, index), iter(it.commands)
         while not arena.done:
             seen, (time_s, command) = arena.sense(), next(commands)
