@@ -12,10 +12,7 @@ use catch_recording::{
     whole_file::{self, COMMAND_LINE, make_writable},
 };
 use catch_view::{
-    export::{
-        mcap_file::{self, Images, LAYOUT},
-        urdf,
-    },
+    export::mcap_file::{self, Images},
     pages::{catch_page, pair_page},
     playback::Playback,
 };
@@ -58,8 +55,7 @@ pub struct FileArguments {
     /// Write a small moving picture, if the program was built with `--features gif`
     #[arg(long)]
     gif: bool,
-    /// Write an MCAP file for Foxglove or Rerun, and beside it the robot's URDF and a layout for Foxglove; it
-    /// has as many depth images as fit into 3 MB, or all of them
+    /// Write an MCAP file for Foxglove or Rerun; it has as many depth images as fit into 3 MB, or all of them
     #[arg(long, value_name = "IMAGES", num_args = 0..=1, require_equals = true, default_missing_value = "some")]
     mcap: Option<ImagesArgument>,
 }
@@ -102,14 +98,11 @@ impl FileArguments {
             let images = if images == ImagesArgument::All { Images::All } else { Images::Some };
             let (content, images_every) = mcap_file::mcap(playback, images)?;
             write("mcap", "mcap", &content)?;
-            write("layout", "foxglove.json", LAYOUT.as_bytes())?;
             if images_every > 1 {
                 screen::note(&format!(
                     "The MCAP file has the images of one tick in {images_every}, which keeps it small; --mcap=all writes all."
                 ));
             }
-            let urdf = urdf::with_visuals(&playback.header.cell.sources.robot_urdf, &playback.robot);
-            write("urdf", "urdf", urdf.as_bytes())?;
         }
         Ok(written)
     }

@@ -5,5 +5,3 @@ pub mod gif_picture;
 #[cfg(feature = "mcap")]
 pub mod mcap_file;
 pub mod mjcf;
-#[cfg(feature = "mcap")]
-pub mod urdf;

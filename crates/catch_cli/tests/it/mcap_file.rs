@@ -8,7 +8,6 @@ use std::{
 
 use base64::{Engine, prelude::BASE64_STANDARD};
 use catch_body::Pose;
-use catch_recording::sources::SourceNames;
 use catch_view::{
     export::mcap_file::{self, Images},
     playback::Playback,
@@ -60,12 +59,11 @@ fn fields_are_those_that_foxglove_publishes() {
     assert_eq!(written, published);
 }
 
-/// The file of a throw, read; the robot is described beside it.
+/// The file of a throw, read.
 fn file_of(folder: &Path, options: &[&str]) -> Vec<u8> {
     let output = catchingbot(&[options, &["--json", "--mcap", "--out", folder.to_str().unwrap()]].concat());
     assert!(output.status.success(), "{}", stderr(&output));
     let document: Value = serde_json::from_str(&stdout(&output)).unwrap();
-    assert!(fs::read_to_string(document["pictures"]["urdf"].as_str().unwrap()).unwrap().contains("<robot"));
     fs::read(document["pictures"]["mcap"].as_str().unwrap()).unwrap()
 }
 
@@ -146,7 +144,7 @@ fn pose(p: &Value, q: &Value) -> Pose {
     Pose::from_parts(translation, UnitQuaternion::from_quaternion(rotation))
 }
 
-/// Frames hang together as a tree: the arm link by link, so that its URDF fits onto it.
+/// Frames hang together as a tree, the arm link by link.
 #[test]
 fn frames_lead_from_the_world_to_the_hand() {
     let folder = tempfile::tempdir().unwrap();
@@ -176,7 +174,7 @@ fn frames_lead_from_the_world_to_the_hand() {
     assert!((last_link.inverse() * X_WF).rotation.angle() < 1e-7);
 }
 
-/// Arm, hand and object have shapes in frames that `/tf` moves, also in the URDF beside the file.
+/// Arm, hand and object have shapes in frames that `/tf` moves.
 #[test]
 fn the_scene_has_arm_hand_and_object() {
     let folder = tempfile::tempdir().unwrap();
@@ -214,16 +212,6 @@ fn the_scene_has_arm_hand_and_object() {
     let aperture = messages().filter(|it| it.channel.topic == "/gripper").last().unwrap();
     let width_m = decode(&aperture)["joints"][0]["position"].as_f64().unwrap();
     assert_eq!(width_m, playback.truth_at(aperture.log_time as f64 / 1e9).unwrap().width_m);
-    // The URDF shows the same, and is the same robot.
-    let urdf = fs::read_to_string(path(&document["pictures"]["urdf"])).unwrap();
-    assert_eq!(urdf.matches("<visual>").count(), 3 * playback.robot.capsules.len());
-    let mut sources = playback.header.cell.sources.clone();
-    sources.robot_urdf = urdf;
-    let names =
-        SourceNames { robot_urdf: "urdf", robot_toml: "toml", gripper_toml: "gripper", workcell_toml: "workcell" };
-    assert_eq!(sources.parse(&names).unwrap().0.link_poses(&playback.robot.ready_q), {
-        playback.robot.link_poses(&playback.robot.ready_q)
-    });
 }
 
 #[test]

@@ -57,9 +57,6 @@ const MOST_POINTS: usize = 600;
 /// The frame that Rerun's views start from; without a way to it they show nothing.
 const RERUN_ROOT: &str = "tf#/";
 
-/// The file's layout of panels for Foxglove.
-pub const LAYOUT: &str = include_str!("mcap_file/layout.json");
-
 /// Which depth images are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Images {
@@ -207,7 +204,7 @@ impl Topics<'_> {
             transform(scene::WORLD, links[0], &X_WL[0]),
         ];
         transforms.extend(sample.X_WO.map(|X_WO| transform(scene::WORLD, "object", &X_WO)));
-        // Each link in the one before it, as in the URDF, so that both can be shown together.
+        // Each link in the one before it, as in its URDF.
         let pairs = links.windows(2).enumerate();
         transforms.extend(pairs.map(|(i, pair)| transform(pair[0], pair[1], &(X_WL[i].inverse() * X_WL[i + 1]))));
         let fingers = scene::FINGERS.into_iter().zip(finger_poses(&playback.gripper, sample.width_m));
