@@ -1,6 +1,6 @@
 //! Nodes of a search that are still open.
 
-use std::{cmp::Ordering, collections::BinaryHeap};
+use std::{cmp::Reverse, collections::BinaryHeap};
 
 use super::{Posture, TerminalVelocity};
 
@@ -30,13 +30,9 @@ pub struct Frontier {
     /// Penalty that a failure of a grasp adds to the cost of all of its catches.
     failure_penalty: f64,
     nodes: Vec<Node>,
-    heap: BinaryHeap<HeapEntry>,
-}
-
-/// Entry of the heap: the cost of a node with its penalties, less being better, and the node's number.
-struct HeapEntry {
-    order: f64,
-    node: usize,
+    /// Costs of nodes with their penalties, by their keys, and the nodes' numbers: of those that cost the same
+    /// the first comes first, so that the order is always the same.
+    heap: BinaryHeap<Reverse<(i64, usize)>>,
 }
 
 impl Frontier {
@@ -47,35 +43,20 @@ impl Frontier {
 
     /// Adds a node.
     pub fn push(&mut self, node: Node) {
-        let order = node.cost + self.failure_penalty * node.failures as f64;
-        self.heap.push(HeapEntry { order, node: self.nodes.len() });
+        let cost = node.cost + self.failure_penalty * node.failures as f64;
+        self.heap.push(Reverse((key(cost), self.nodes.len())));
         self.nodes.push(node);
     }
 
     /// The node that promises most.
     pub fn pop(&mut self) -> Option<Node> {
-        self.heap.pop().map(|entry| self.nodes[entry.node])
+        self.heap.pop().map(|Reverse((_, number))| self.nodes[number])
     }
 }
 
-impl Ord for HeapEntry {
-    /// The cheapest is the greatest, and among equals the one that came first, so that the order is always
-    /// the same.
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.order.total_cmp(&self.order).then(other.node.cmp(&self.node))
-    }
+/// A whole number for each cost, in the order of [`f64::total_cmp`]: the bits, all but the sign's turned
+/// over where it is negative.
+fn key(cost: f64) -> i64 {
+    let bits = cost.to_bits().cast_signed();
+    bits ^ ((bits >> 63) & i64::MAX)
 }
-
-impl PartialOrd for HeapEntry {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for HeapEntry {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for HeapEntry {}
