@@ -6,10 +6,14 @@
 
 use catch_body::{
     Pose, Robot,
+    pose::look_at,
     ray_cast::{ArmSurface, RayCaster, SurfacePart},
 };
-use catch_cell::{CameraModel, sight::Sight};
-use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use catch_cell::{
+    CameraModel,
+    sight::{DepthBuffer, Sight},
+};
+use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 
 use crate::playback::{MotionSample, Playback};
@@ -79,7 +83,7 @@ impl Viewpoint {
     /// A camera that shows a ball around `centre` from here.
     pub fn around(&self, centre: &Point3<f64>, radius_m: f64, [width_px, height_px]: [u32; 2]) -> CameraModel {
         let distance_m = radius_m / libm::tan(VIEW_RAD / 2.0);
-        let X_WC = looking(&(centre + self.away() * distance_m), &-self.away());
+        let X_WC = look_at(&(centre + self.away() * distance_m), centre);
         CameraModel::with_field_of_view(X_WC, width_px, height_px, VIEW_RAD)
     }
 }
@@ -157,9 +161,8 @@ impl<'a> CatchScene<'a> {
     /// Pixels that are seen at the catch from a point, `size_px` in each direction around hand and object.
     pub fn seen_from(&self, eye: &Point3<f64>, size_px: u32) -> Seen {
         let (centre, radius_m) = self.focus();
-        let forward = centre - eye;
-        let view_rad = 2.0 * libm::atan(radius_m / forward.norm());
-        let camera = CameraModel::with_field_of_view(looking(eye, &forward.normalize()), size_px, size_px, view_rad);
+        let view_rad = 2.0 * libm::atan(radius_m / (centre - eye).norm());
+        let camera = CameraModel::with_field_of_view(look_at(eye, &centre), size_px, size_px, view_rad);
         let X_WL = self.playback.robot.link_poses(&self.sample.q);
         let (hand, others): (Vec<_>, Vec<_>) =
             self.arm.named_parts(&X_WL, self.sample.width_m).partition(|(part, ..)| *part == SurfacePart::Gripper);
@@ -178,7 +181,7 @@ impl<'a> CatchScene<'a> {
         let mut target = Point3::from(points.iter().map(|it| it.coords).sum::<Vector3<f64>>() / points.len() as f64);
         let mut distance_m = 4.0;
         let camera = |target: &Point3<f64>, distance_m: f64| {
-            let X_WC = looking(&(target + away * distance_m), &-away);
+            let X_WC = look_at(&(target + away * distance_m), target);
             CameraModel::with_field_of_view(X_WC, u32::from(width_px), u32::from(height_px), VIEW_RAD)
         };
         for _ in 0..12 {
@@ -263,13 +266,8 @@ fn best(elevations_rad: &[f64], look: impl Fn(&Viewpoint) -> (Seen, f64)) -> Vie
 
 /// Depth of the nearest surface behind each pixel.
 fn nearest(camera: &CameraModel, sights: &[Sight]) -> Vec<Option<f64>> {
-    let window = camera.full_window();
-    let at = |pixel: usize| {
-        let uv = window.pixel_centre(pixel);
-        let hits = sights.iter().filter(|it| it.window().area() > 0).filter_map(|it| it.at(&uv, f64::INFINITY));
-        hits.map(|hit| hit.t).min_by(f64::total_cmp)
-    };
-    (0..window.area()).map(at).collect()
+    let buffer = DepthBuffer::new(camera.full_window(), sights.iter().copied());
+    buffer.pixels().map(|pixel| pixel.map(|(_, hit)| hit.t)).collect()
 }
 
 /// The object's path until the catch, as it was or as it was seen.
@@ -295,11 +293,4 @@ fn framed_points(playback: &Playback, path: Vec<Point3<f64>>) -> Vec<Point3<f64>
         points.extend(playback.robot.link_poses(&sample.q).iter().map(|X_WL| Point3::from(X_WL.translation.vector)));
     }
     points
-}
-
-/// A camera's pose: z along `forward`, x to the right, the image upright.
-fn looking(from: &Point3<f64>, forward: &Vector3<f64>) -> Pose {
-    let right = forward.cross(&Vector3::z()).normalize();
-    let R_WC = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[right, forward.cross(&right), *forward]));
-    Pose::from_parts(Translation3::from(from.coords), UnitQuaternion::from_rotation_matrix(&R_WC))
 }
