@@ -12,7 +12,7 @@
 use catch_body::{JointVector, MAX_JOINTS, Pose};
 use catch_bot::{
     grasp_selection::{Approach, Grasp},
-    trajectory_optimization::{CatchPlan, MotionPlanner, Start, failure_counter::FailureCounter, terminal_velocity},
+    trajectory_optimization::{CatchPlan, MotionPlanner, Start, failure_counter::FailureCounter},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::{BSpline, Setpoint};
@@ -140,7 +140,7 @@ pub fn plan(
         }
         tolerances = tolerances.scaled(TIGHTENING);
     }
-    best.map(|(found, trajectory)| catch_plan(planner, &goal, &found, trajectory))
+    best.map(|(found, trajectory)| catch_plan(planner, &goal, found, trajectory))
 }
 
 /// The running plan for a flight that is known better: `None` if nothing comes closer to it.
@@ -159,7 +159,7 @@ pub fn follow(
     if config.keeps_unsolved && config.goes_on {
         let found = problem.solve(&plan.trajectory.control_points).ok()?;
         let trajectory = completed(planner, &found.spline, &plan.grasp, config)?;
-        return Some(catch_plan(planner, &goal, &found.spline, trajectory));
+        return Some(catch_plan(planner, &goal, found.spline, trajectory));
     }
     // Control points are about where the curve is at the means of three knots (Greville's abscissae).
     let running = |time_s: f64| plan.trajectory.setpoint(time_s);
@@ -171,7 +171,7 @@ pub fn follow(
         return None;
     }
     let trajectory = completed(planner, &found.spline, &plan.grasp, config)?;
-    Some(catch_plan(planner, &goal, &found.spline, trajectory))
+    Some(catch_plan(planner, &goal, found.spline, trajectory))
 }
 
 /// Goal of the motion: the pose at which the gripper is to meet the object.
@@ -299,27 +299,10 @@ fn problem<'a>(
     }
 }
 
-fn catch_plan(planner: &MotionPlanner, goal: &Goal<'_>, found: &BSpline, trajectory: BSpline) -> CatchPlan {
-    let (catch_s, grasp) = (goal.catch_s, goal.grasp);
-    let [q, dq, _] = found.evaluate(catch_s);
-    let V_WG = planner.robot.gripper_twist(&q, &dq);
-    let v_WO = goal.flight.twist_at(catch_s).linear;
-    CatchPlan {
-        catch_s,
-        X_WG: goal.X_WG(catch_s),
-        aperture_m: grasp.aperture_m,
-        approach_is_free: true,
-        grasp: grasp.clone(),
-        approach: Approach::ThroughGap,
-        q,
-        elbow: None,
-        speed_fraction: V_WG.linear.dot(&v_WO) / v_WO.norm_squared(),
-        spin_radps: V_WG.angular.norm(),
-        weights: terminal_velocity::Weights::BALANCED,
-        cost: 0.0,
-        holding_cost: 0.0,
-        trajectory,
-    }
+fn catch_plan(planner: &MotionPlanner, goal: &Goal<'_>, found: BSpline, trajectory: BSpline) -> CatchPlan {
+    let catch_s = goal.catch_s;
+    let plan = CatchPlan::of_motion(&planner.robot, found, goal.flight, catch_s, goal.grasp.clone());
+    CatchPlan { X_WG: goal.X_WG(catch_s), approach: Approach::ThroughGap, trajectory, ..plan }
 }
 
 /// The tolerances of one optimization: of the gripper, and of the duration of the motion in seconds.

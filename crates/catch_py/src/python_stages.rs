@@ -6,9 +6,9 @@ use catch_body::{JointVector, Pose};
 use catch_bot::{
     CatchingBot, Status,
     control::{self, CatchPlanner, Decision, GripperPlan, Progress},
-    grasp_selection::{Approach, Grasp},
+    grasp_selection::Grasp,
     perception::ObjectPose as FoundPose,
-    trajectory_optimization::{CatchPlan, Start, terminal_velocity::Weights},
+    trajectory_optimization::{CatchPlan, Start},
     trajectory_prediction::{FlightPredictor, FlightTrajectory, PredictionStatus},
 };
 use catch_lab::{evaluation::BrainFactory, scenario::setup::Setup};
@@ -244,28 +244,11 @@ impl Situation {
         if !(0.0..=widest_m).contains(&aperture_m) {
             return Err(fault("aperture_m", aperture_m, format!("0 to {widest_m}")));
         }
-        let [q, dq, _] = spline.evaluate(catch_s);
-        let X_WG = robot.gripper_pose(&q);
-        let grasp = self.grasp_at(&X_WG, catch_s);
+        let grasp = self.grasp_at(&robot.gripper_pose(&spline.evaluate(catch_s)[0]), catch_s);
         let grasp =
             grasp.ok_or_else(|| fault("trajectory", "an object without a grasp", "one that the gripper can hold"))?;
-        let (V_WG, v_WO) = (robot.gripper_twist(&q, &dq), self.flight.twist_at(catch_s).linear);
-        let plan = CatchPlan {
-            catch_s,
-            grasp,
-            approach: Approach::TowardPalm,
-            X_WG,
-            q,
-            aperture_m,
-            approach_is_free: true,
-            elbow: None,
-            speed_fraction: V_WG.linear.dot(&v_WO) / v_WO.norm_squared().max(f64::MIN_POSITIVE),
-            spin_radps: V_WG.angular.norm(),
-            weights: Weights::BALANCED,
-            cost: 0.0,
-            holding_cost: 0.0,
-            trajectory: spline.clone(),
-        };
+        let plan = CatchPlan::of_motion(robot, spline.clone(), &self.flight, catch_s, grasp);
+        let plan = CatchPlan { aperture_m, ..plan };
         let decision = Decision { status: Status::Planned, plan: Some(plan), progress: self.progress };
         Ok(Plan::new(decision, self.dof()))
     }

@@ -130,6 +130,38 @@ pub struct CatchPlan {
     pub trajectory: BSpline,
 }
 
+impl CatchPlan {
+    /// The catch of a `grasp` by a motion from elsewhere: the gripper is where the motion has it, and the
+    /// object enters toward the palm.
+    #[allow(non_snake_case)]
+    pub fn of_motion(
+        robot: &Robot,
+        trajectory: BSpline,
+        flight: &FlightTrajectory,
+        catch_s: f64,
+        grasp: Grasp,
+    ) -> Self {
+        let [q, dq, _] = trajectory.evaluate(catch_s);
+        let (V_WG, v_WO) = (robot.gripper_twist(&q, &dq), flight.twist_at(catch_s).linear);
+        Self {
+            catch_s,
+            approach: Approach::TowardPalm,
+            X_WG: robot.gripper_pose(&q),
+            q,
+            aperture_m: grasp.aperture_m,
+            grasp,
+            approach_is_free: true,
+            elbow: None,
+            speed_fraction: V_WG.linear.dot(&v_WO) / v_WO.norm_squared().max(f64::MIN_POSITIVE),
+            spin_radps: V_WG.angular.norm(),
+            weights: terminal_velocity::Weights::BALANCED,
+            cost: 0.0,
+            holding_cost: 0.0,
+            trajectory,
+        }
+    }
+}
+
 /// Reason for which there is no plan, from the least to the most that was possible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PlanningFailure {

@@ -181,15 +181,8 @@ impl MotionPlanner {
         });
         let most = |pick: fn(&JointLimits) -> f64| self.robot.per_joint(|joint| pick(&joint.limits) * (1.0 + ROUNDING));
         let (speed, rate) = (most(|it| it.velocity), most(|it| it.acceleration));
-        let differences = |points: &[JointVector], degree: usize, from: usize| -> Vec<JointVector> {
-            let one = |(i, pair): (usize, &[JointVector])| {
-                let span = t[i + from + degree] - t[i + from];
-                if span > 0.0 { (pair[1] - pair[0]) * (degree as f64 / span) } else { JointVector::zeros() }
-            };
-            points.windows(2).enumerate().map(one).collect()
-        };
-        let velocities = differences(control_points, DEGREE, 1);
-        let accelerations = differences(&velocities, DEGREE - 1, 2);
+        let velocities = differentiated(control_points, t, DEGREE);
+        let accelerations = differentiated(&velocities, &t[1..], DEGREE - 1);
         let within =
             |values: &[JointVector], most: &JointVector| values.iter().all(|it| (most - it.abs()).min() >= 0.0);
         positions
@@ -325,16 +318,21 @@ impl MotionPlanner {
     /// A bound on the speed at which parts of the arm and what it holds approach each other or the floor,
     /// from the hulls of the velocities.
     fn fastest_mps(&self, spline: &BSpline, held_G: Option<&Cuboid>) -> f64 {
-        let mut fastest = JointVector::repeat(1e-6);
-        for (i, pair) in spline.control_points.windows(2).enumerate() {
-            let span = spline.knots_s[i + DEGREE + 1] - spline.knots_s[i + 1];
-            if span > 0.0 {
-                fastest = fastest.sup(&((pair[1] - pair[0]).abs() * (DEGREE as f64 / span)));
-            }
-        }
+        let velocities = differentiated(&spline.control_points, &spline.knots_s, DEGREE);
+        let fastest = velocities.iter().fold(JointVector::repeat(1e-6), |fastest, it| fastest.sup(&it.abs()));
         let held_m = held_G.map_or(0.0, Cuboid::farthest_corner);
         fastest.dot(&self.extents_m.sup(&self.to_gripper_m.add_scalar(held_m)))
     }
+}
+
+/// Control points of the derivative of a spline of degree `degree`: cᵢ′ = d·(cᵢ₊₁ − cᵢ)/(tᵢ₊d₊₁ − tᵢ₊₁), and
+/// zero where these knots are the same.
+fn differentiated(points: &[JointVector], knots_s: &[f64], degree: usize) -> Vec<JointVector> {
+    let one = |(i, pair): (usize, &[JointVector])| {
+        let span = knots_s[i + degree + 1] - knots_s[i + 1];
+        if span > 0.0 { (pair[1] - pair[0]) * (degree as f64 / span) } else { JointVector::zeros() }
+    };
+    points.windows(2).enumerate().map(one).collect()
 }
 
 /// State at the end of a motion.

@@ -36,12 +36,6 @@ pub struct Problem<'a> {
 pub struct Solution {
     /// The motion.
     pub spline: BSpline,
-    /// Fraction of the object's velocity.
-    pub speed_fraction: f64,
     /// Excess of the worst error over its tolerance: m, rad or m/s.
     pub excess: f64,
-    /// Quadratic programs that were solved.
-    pub iterations: usize,
-    /// True if the iteration converged before the largest number of programs.
-    pub converged: bool,
 }
