@@ -56,6 +56,11 @@ pub fn left_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() + cross * first + cross * cross * second
 }
 
+/// A unit vector across a direction.
+pub fn across(direction: &Vector3<f64>) -> Vector3<f64> {
+    direction.cross(&if direction.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize()
+}
+
 /// The pose of a frame at `eye` whose z axis points at `target` and whose y axis points down as far as it
 /// can: the convention of cameras.
 pub fn look_at(eye: &Point3<f64>, target: &Point3<f64>) -> Pose {

@@ -5,7 +5,7 @@
 //! have the same outline (Necker's reversal). The depths of some hundred pixels tell them apart: their mean
 //! is the object's distance, and their slopes across the image are those of the side that faces the camera.
 
-use catch_body::Pose;
+use catch_body::{Pose, pose::across};
 use nalgebra::{Matrix2, Matrix3, Point3, Rotation3, Vector2, Vector3};
 
 use super::{ReferenceModel, normal_equations::NormalEquations, point_cloud::ScenePoint, silhouette::stride};
@@ -49,8 +49,7 @@ impl DepthPlane {
             pixel_m += point.pixel_m / count;
         }
         let along_W = ray_W.normalize();
-        let beside = if along_W.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
-        let right_W = along_W.cross(&beside).normalize();
+        let right_W = across(&along_W);
         let R_WC = Matrix3::from_columns(&[right_W, along_W.cross(&right_W), along_W]);
         let (mut spread_m2, mut with_depth_m2) = (Matrix2::identity() * 1e-9, Vector2::zeros());
         for point in image {

@@ -6,7 +6,7 @@
 
 use std::f64::consts::PI;
 
-use catch_body::Pose;
+use catch_body::{Pose, pose::across};
 use nalgebra::{SymmetricEigen, UnitQuaternion, Vector3};
 
 use super::{Symmetry, registration::Fit};
@@ -53,10 +53,7 @@ impl HalfTurns {
     pub fn new(symmetry: &Symmetry) -> Self {
         let axes: Vec<Vector3<f64>> = match symmetry {
             Symmetry::Sphere => Vec::new(),
-            Symmetry::Axis { axis, .. } => {
-                let beside = if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
-                vec![axis.cross(&beside).normalize()]
-            }
+            Symmetry::Axis { axis, .. } => vec![across(axis)],
             Symmetry::Finite { inertia_per_kg, .. } => SymmetricEigen::new(*inertia_per_kg)
                 .eigenvectors
                 .column_iter()

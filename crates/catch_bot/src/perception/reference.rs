@@ -1,6 +1,6 @@
 //! The object as the brain knows it, made once from a scan.
 
-use catch_body::{Pose, statistics::median_in_place};
+use catch_body::{Pose, pose::across, statistics::median_in_place};
 use catch_cell::{CameraModel, DepthFrame, ReferenceScan};
 use nalgebra::{Matrix3, Matrix6, Point3, SymmetricEigen, Translation3, UnitQuaternion, Vector3, Vector6};
 
@@ -339,8 +339,7 @@ impl Patch {
         let eigen = SymmetricEigen::new(spread);
         let plane_normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
         let axis = if plane_normal.dot(towards_camera) < 0.0 { -plane_normal } else { plane_normal };
-        let across = if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
-        let x_axis = axis.cross(&across).normalize();
+        let x_axis = across(&axis);
         let y_axis = axis.cross(&x_axis);
         let mut patch =
             Self { origin: *origin, x_axis, y_axis, axis, c: Vector6::zeros(), radius_m, error_m: radius_m };

@@ -3,6 +3,7 @@
 
 use std::f64::consts::{PI, TAU};
 
+use catch_body::pose::across;
 use nalgebra::{Matrix3, Point3, SymmetricEigen, Unit, UnitQuaternion, Vector3};
 
 use super::distance_field::DistanceField;
@@ -226,8 +227,8 @@ impl Symmetry {
     ) -> Vector3<f64> {
         let mut step = APART / 4.0;
         while step > FINEST_STEP {
-            let across = axis.cross(&if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
-            let aside = [across, axis.cross(&across)].into_iter().flat_map(|it| [it, -it]);
+            let one = across(&axis);
+            let aside = [one, axis.cross(&one)].into_iter().flat_map(|it| [it, -it]);
             let tried = aside.map(|it| (axis + it * step).normalize()).map(|it| (changed(&it), it));
             match tried.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|it| it.0 < least) {
                 Some(better) => (least, axis) = better,
@@ -287,8 +288,7 @@ impl Symmetry {
                     cross * (angle / sine)
                 } else if angle > 1.0 {
                     // Exactly opposite: any perpendicular direction will do.
-                    let across = if from.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
-                    from.cross(&across).normalize() * angle
+                    across(&from) * angle
                 } else {
                     Vector3::zeros()
                 }
