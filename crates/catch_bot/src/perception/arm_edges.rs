@@ -69,9 +69,8 @@ impl ArmEdges {
     /// Finds the edges that a camera sees of an arm that stands as `known`.
     pub fn new(camera: &CameraModel, known: &Surroundings<'_>, config: &Config) -> Self {
         let window = camera.full_window();
-        let (mut with_m, mut without_m) = (Vec::new(), Vec::new());
-        Background::new(camera, Some(known), &window, config).cast_all(&mut with_m);
-        Background::without_arm(camera, known, config).cast_all(&mut without_m);
+        let with_m = Background::new(camera, Some(known), &window, config).cast_all();
+        let without_m = Background::without_arm(camera, known, config).cast_all();
         let image = ArmImage { window, with_m, without_m };
         let mut edges: Vec<Edge> = [true, false].into_iter().flat_map(|along_row| image.edges(along_row)).collect();
         let step = edges.len().div_ceil(MAX_EDGES).max(1);

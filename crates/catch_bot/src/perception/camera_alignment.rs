@@ -86,10 +86,8 @@ impl CameraAlignment {
         self.outlines.clear();
         for camera in told {
             let background = Background::new(camera, Some(known), &camera.full_window(), config);
-            let mut still = Vec::new();
-            background.cast_all(&mut still);
             let is_there = |uv: &Point2<f64>| background.depth_m(uv).is_finite();
-            self.outlines.push(silhouette(camera.width_px as usize, &still, &is_there));
+            self.outlines.push(silhouette(camera.width_px as usize, &background.cast_all(), &is_there));
         }
     }
 

@@ -53,9 +53,8 @@ impl KnownBackground {
     pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
         let limits_m = |known: Option<&Surroundings<'_>>| -> Vec<Vec<f32>> {
             let of_camera = |camera: &CameraModel| {
-                let mut depths_m = Vec::new();
-                Background::new(camera, known, &camera.full_window(), config).cast_all(&mut depths_m);
-                self::limits_m(&depths_m, camera, config)
+                let background = Background::new(camera, known, &camera.full_window(), config);
+                self::limits_m(&background.cast_all(), camera, config)
             };
             cameras.iter().map(of_camera).collect()
         };

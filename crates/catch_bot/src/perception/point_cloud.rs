@@ -200,7 +200,7 @@ impl SceneCloud {
 
     /// Mean standard deviation of the points' depths, as told, in metres.
     pub fn mean_noise_m(&self) -> f64 {
-        self.points.iter().map(|point| point.depth_sd_m).sum::<f64>() / self.points.len().max(1) as f64
+        mean_sd_m(&self.points)
     }
 
     /// Mean of the points.
@@ -216,6 +216,11 @@ impl SceneCloud {
         self.points.extend(other.points.iter().step_by(stride(other.points.len(), most)));
         self.silhouette.thin_from(&other.silhouette, most / 2);
     }
+}
+
+/// Mean standard deviation of depths in metres.
+pub(super) fn mean_sd_m(points: &[ScenePoint]) -> f64 {
+    points.iter().map(|it| it.depth_sd_m).sum::<f64>() / points.len().max(1) as f64
 }
 
 /// Returns the label of the pixel at a column and row of a frame, whose part `part` has these `labels`;

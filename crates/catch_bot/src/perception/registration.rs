@@ -12,7 +12,7 @@ use super::{
     Config, PerceptionStatus, ReferenceModel, common_noise,
     depth_plane::DepthPlane,
     normal_equations::{CommonError, MEAN_SQUARE, NormalEquations, Sums},
-    point_cloud::{PointResidual, SceneCloud, ScenePoint},
+    point_cloud::{PointResidual, SceneCloud, ScenePoint, mean_sd_m},
     reference::MODEL_SD_M,
     silhouette::Silhouette,
 };
@@ -394,11 +394,6 @@ impl<'a> Depths<'a> {
     fn has_shape(&self, image: &[ScenePoint]) -> bool {
         self.shapeless_above_m == f64::INFINITY || mean_sd_m(image) <= self.shapeless_above_m
     }
-}
-
-/// Mean standard deviation of depths in metres.
-fn mean_sd_m(image: &[ScenePoint]) -> f64 {
-    image.iter().map(|it| it.depth_sd_m).sum::<f64>() / image.len().max(1) as f64
 }
 
 /// Root mean square of the points' residuals in multiples of what it should be, at least one.

@@ -111,7 +111,7 @@ impl<'a> Background<'a> {
     }
 
     /// Depths of the full image, row by row.
-    pub fn cast_all(&self, depths_m: &mut Vec<f32>) {
+    pub fn cast_all(&self) -> Vec<f32> {
         let window = self.camera.full_window();
         let seen = DepthBuffer::new(window, self.bodies.iter().flatten().copied());
         let depth_m = |(i, seen): (usize, Option<(usize, Hit)>)| {
@@ -119,8 +119,7 @@ impl<'a> Background<'a> {
                 self.floor.map(|_| self.floor_m(&self.camera.back_project(&window.pixel_centre(i), 1.0).coords));
             seen.map_or(f64::INFINITY, |(_, hit)| hit.t).min(floor_m.unwrap_or(f64::INFINITY)) as f32
         };
-        depths_m.clear();
-        depths_m.extend(seen.pixels().enumerate().map(depth_m));
+        seen.pixels().enumerate().map(depth_m).collect()
     }
 
     /// Depth of the floor along a ray whose third component is one.

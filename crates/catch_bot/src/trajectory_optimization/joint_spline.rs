@@ -55,8 +55,6 @@ pub struct JointSpline {
     /// Cost over control points, variable by variable, for the gradient.
     cost_rows: Vec<Combination>,
     pulls: Vec<f64>,
-    /// Full cost over the control points, for the gradient that the fixed ones cause.
-    cost: [[f64; MAX_POINTS]; MAX_POINTS],
     hessian: Hessian,
 }
 
@@ -119,16 +117,16 @@ impl JointSpline {
             last: [velocity[velocity.len() - 1], acceleration[acceleration.len() - 1]],
             cost_rows: Vec::new(),
             pulls: Vec::new(),
-            cost,
             hessian: Hessian::new(&Square::identity()).expect("the identity is positive definite"),
         };
         assert!(spline.free() <= MAX_VARIABLES, "too many spans");
         spline.bound(&identity, &velocity, &acceleration, &jerk);
-        spline.cost_rows = (0..spline.free()).map(|variable| spline.cost_row(variable)).collect();
+        let cost_row = |variable| std::array::from_fn(|j| spline.lifted(variable).map(|i| cost[i][j]).sum());
+        spline.cost_rows = (0..spline.free()).map(cost_row).collect();
         spline.pulls = (0..spline.free()).map(|variable| spline.lifted(variable).map(|i| comfort[i]).sum()).collect();
         let mut H = Square::identity();
         for variable in 0..spline.free() {
-            let row = reduced(&spline.cost_row(variable), &spline);
+            let row = reduced(&spline.cost_rows[variable], &spline);
             for other in 0..spline.free() {
                 H[(variable, other)] = row[other];
             }
@@ -268,10 +266,6 @@ impl JointSpline {
         let first = variable + self.given_at_start();
         let rests = self.ends.end == EndKind::Rest && variable + 1 == self.free();
         first..if rests { self.points } else { first + 1 }
-    }
-
-    fn cost_row(&self, variable: usize) -> Combination {
-        std::array::from_fn(|j| self.lifted(variable).map(|i| self.cost[i][j]).sum())
     }
 
     /// The control points that start and end dictate; the free ones are zero.

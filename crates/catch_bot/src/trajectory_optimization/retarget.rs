@@ -219,7 +219,7 @@ impl CatchSearch {
         let entering = Entering { incoming, local_flight, grasp: &plan.grasp };
         let nearer_m = self.pre_closed_m(&plan.X_WG, &entering).filter(|nearer_m| *nearer_m < had_m);
         let kept = [nearer_m.unwrap_or(had_m), had_m];
-        if let Some(aperture_m) = self.first_with_free_approach(&kept, &plan, incoming, local_flight) {
+        if let Some(aperture_m) = self.first_with_free_approach(&kept, &plan, &entering) {
             return CatchPlan { aperture_m, approach_is_free: true, ..plan };
         }
         let aperture = self.aperture(&plan, incoming, local_flight);

@@ -63,7 +63,7 @@ impl CatchSearch {
     /// moving gripper, the fingers closing in time for the catch; `None` if there is none.
     pub(super) fn aperture(&self, plan: &CatchPlan, incoming: &Incoming, local_flight: &LocalFlight) -> Option<f64> {
         let entering = Entering { incoming, local_flight, grasp: &plan.grasp };
-        self.first_with_free_approach(&self.apertures(&plan.X_WG, &entering), plan, incoming, local_flight)
+        self.first_with_free_approach(&self.apertures(&plan.X_WG, &entering), plan, &entering)
     }
 
     /// The first of these openings with which a plan lets the object in.
@@ -71,12 +71,10 @@ impl CatchSearch {
         &self,
         apertures: &[f64],
         plan: &CatchPlan,
-        incoming: &Incoming,
-        local_flight: &LocalFlight,
+        entering: &Entering,
     ) -> Option<f64> {
-        let entering = Entering { incoming, local_flight, grasp: &plan.grasp };
         let X_WG = |time_s: f64| self.motion.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
-        self.first_of(apertures, X_WG, &entering, &mut Obstacle::default())
+        self.first_of(apertures, X_WG, entering, &mut Obstacle::default())
     }
 
     /// Openings that are tried, the narrowest first: up to the widest that any grasp needs, where the fingers

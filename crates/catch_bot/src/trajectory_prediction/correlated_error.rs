@@ -22,7 +22,6 @@ const CORRELATION_TIME_S: f64 = 0.1;
 #[derive(Debug, Clone)]
 pub(super) struct CorrelatedSums<const N: usize> {
     sd_per_m: f64,
-    correlation_time_s: f64,
     last_age_s: Option<f64>,
     /// S of the last pose.
     sum: SMatrix<f64, N, 3>,
@@ -36,13 +35,13 @@ impl<const N: usize> CorrelatedSums<N> {
     pub fn of(sd_per_m: Option<f64>) -> Option<Self> {
         let sd_per_m = sd_per_m.filter(|it| *it > 0.0)?;
         let (sum, half) = (SMatrix::zeros(), SMatrix::zeros());
-        Some(Self { sd_per_m, correlation_time_s: CORRELATION_TIME_S, last_age_s: None, sum, half })
+        Some(Self { sd_per_m, last_age_s: None, sum, half })
     }
 
     /// Adds a pose at the position `p_W` with this A. Poses come in the order of their ages, up or down.
     pub fn add(&mut self, age_s: f64, p_W: &Vector3<f64>, A: &SMatrix<f64, N, 3>) {
         let since_s = self.last_age_s.replace(age_s).map_or(0.0, |last_s| (age_s - last_s).abs());
-        self.sum *= libm::exp(-since_s / self.correlation_time_s);
+        self.sum *= libm::exp(-since_s / CORRELATION_TIME_S);
         let own = A * (self.sd_per_m * p_W.norm());
         add_product(&mut self.half, &(self.sum + own * 0.5), &own);
         self.sum += own;
@@ -123,7 +122,7 @@ mod tests {
         let (blocks, age_s, variance) = ([1, 5], 0.3, 0.07);
         let rows =
             SMatrix::<f64, 12, N>::from_fn(|i, j| libm::sin((3 * i + 7 * j) as f64) + f64::from(u8::from(i == j)));
-        let mut sums = CorrelatedSums { correlation_time_s: 1e12, ..sums::<N>() };
+        let mut sums = sums::<N>();
         (0..2).for_each(|i| sums.add(0.4, &p_W(i), &by_position(i)));
         let by_error = (0..2).map(|i| by_position(i) * (0.02 * p_W(i).norm())).sum::<SMatrix<f64, N, 3>>();
         let mut expected = SMatrix::<f64, N, N>::zeros();

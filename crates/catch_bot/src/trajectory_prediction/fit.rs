@@ -71,13 +71,12 @@ pub(super) fn fit(
     let (inertia, forces) = (inertia_per_kg(symmetry), start.forces);
     let problem = Problem { poses, newest_s, symmetry, inertia, forces, freedom, config };
     let (state, scale, agreeing) = problem.minimized(State::of(start, newest_s, config), scratch)?;
-    let concluded = if problem.turns() {
-        problem.conclude::<N>(&state, scale, scratch)
+    let flight = if problem.turns() {
+        problem.flight::<N>(&state, scale, scratch)
     } else {
-        problem.conclude::<TURN>(&state, scale, scratch)
+        problem.flight::<TURN>(&state, scale, scratch)
     };
-    let conclusion = concluded.ok_or(PredictionStatus::NotConverged)?;
-    Ok((problem.flight(&state, &conclusion), agreeing))
+    Ok((flight.ok_or(PredictionStatus::NotConverged)?, agreeing))
 }
 
 struct Problem<'a> {
@@ -89,13 +88,6 @@ struct Problem<'a> {
     forces: AerodynamicForces,
     freedom: f64,
     config: &'a Config,
-}
-
-/// Statistics of a fitted flight.
-struct Conclusion {
-    covariance: SMatrix<f64, N, N>,
-    error_scale: f64,
-    inliers: usize,
 }
 
 impl Problem<'_> {
@@ -138,29 +130,6 @@ impl Problem<'_> {
             }
         }
         if scale > MOST_SCALE { Err(PredictionStatus::NotConverged) } else { Ok((state, scale, agreeing)) }
-    }
-
-    fn flight(&self, state: &State, conclusion: &Conclusion) -> FlightTrajectory {
-        let Conclusion { covariance, error_scale, inliers } = conclusion;
-        FlightTrajectory {
-            time_s: self.newest_s,
-            p_WOcm: Point3::from(state.p),
-            v_WOcm: state.v,
-            R_WO: state.R_WO,
-            w_WO: state.w,
-            drag_per_m: state.drag_per_m,
-            spin_decay_per_s: state.decay_per_s,
-            inertia_per_kg: self.inertia,
-            covariance: covariance.fixed_view::<7, 7>(0, 0).into_owned(),
-            rotation_covariance: covariance.fixed_view::<6, 6>(TURN, TURN).into_owned(),
-            systematic_sd_m: self.config.systematic_sd_m,
-            process_noise: self.config.process_noise,
-            forces: self.forces,
-            inliers: *inliers,
-            considered: self.poses.len(),
-            error_scale: *error_scale,
-            ..FlightTrajectory::default()
-        }
     }
 
     /// Flies from the newest pose to the oldest and notes how the flight stands to each. Returns how many of
@@ -258,9 +227,9 @@ impl Problem<'_> {
         squares.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt()
     }
 
-    /// The covariance of a fitted state and the scale of the errors. Errors that poses have in common reach
-    /// the first `M` parameters.
-    fn conclude<const M: usize>(&self, state: &State, scale: f64, scratch: &Scratch) -> Option<Conclusion> {
+    /// The flight of a fitted state, with its covariance and the scale of the errors. Errors that poses have in
+    /// common reach the first `M` parameters.
+    fn flight<const M: usize>(&self, state: &State, scale: f64, scratch: &Scratch) -> Option<FlightTrajectory> {
         let mut correlated = CorrelatedSums::<M>::of(self.config.correlated_sd_per_m);
         let noisy = self.config.process_noise.any();
         let mut sums = self.sums(scale, scale, correlated.as_mut().filter(|_| !noisy), scratch);
@@ -274,6 +243,24 @@ impl Problem<'_> {
             let mut first = covariance.fixed_view_mut::<M, M>(0, 0);
             first += correlated.covariance(&first.clone_owned()) / error_scale.powi(4);
         }
-        Some(Conclusion { covariance, error_scale, inliers: sums.inliers })
+        Some(FlightTrajectory {
+            time_s: self.newest_s,
+            p_WOcm: Point3::from(state.p),
+            v_WOcm: state.v,
+            R_WO: state.R_WO,
+            w_WO: state.w,
+            drag_per_m: state.drag_per_m,
+            spin_decay_per_s: state.decay_per_s,
+            inertia_per_kg: self.inertia,
+            covariance: covariance.fixed_view::<7, 7>(0, 0).into_owned(),
+            rotation_covariance: covariance.fixed_view::<6, 6>(TURN, TURN).into_owned(),
+            systematic_sd_m: self.config.systematic_sd_m,
+            process_noise: self.config.process_noise,
+            forces: self.forces,
+            inliers: sums.inliers,
+            considered: self.poses.len(),
+            error_scale,
+            ..FlightTrajectory::default()
+        })
     }
 }

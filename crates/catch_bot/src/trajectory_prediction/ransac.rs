@@ -218,17 +218,16 @@ fn agreement(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetr
     let (mut inliers, mut squares, mut sum) = (0, 0.0, 0.0);
     each_position(poses, flight, |pose, p_WO| {
         let distance = (pose.X_WO.translation.vector - p_WO).norm();
-        let angle_rad = || match rotation {
+        if distance >= reach_m(pose) {
+            return;
+        }
+        let angle_rad = match rotation {
             Rotation::Free => 0.0,
             Rotation::Constant => {
                 let R_WO = flight.pose_at(pose.capture_s).rotation;
                 symmetry.turn_between(&R_WO, &pose.X_WO.rotation).norm()
             }
         };
-        if distance >= reach_m(pose) {
-            return;
-        }
-        let angle_rad = angle_rad();
         if rotation == Rotation::Free || angle_rad < INLIER_RAD {
             inliers += 1;
             squares += distance * distance;

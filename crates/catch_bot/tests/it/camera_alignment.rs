@@ -36,8 +36,7 @@ fn aligned(surroundings: &Surroundings<'_>, seed: u64) -> (f64, [f64; 4]) {
     let after = [0, 1, 2, 3].map(|image| {
         let frame = |(i, camera): (usize, &CameraModel)| {
             let window = camera.full_window();
-            let mut depth_m = Vec::new();
-            Background::new(camera, Some(surroundings), &window, &config).cast_all(&mut depth_m);
+            let mut depth_m = Background::new(camera, Some(surroundings), &window, &config).cast_all();
             for (pixel, depth_m) in depth_m.iter_mut().enumerate() {
                 let uv = window.pixel_centre(pixel);
                 if (uv.x - 160.0).abs() < 8.0 && (uv.y - 150.0).abs() < 8.0 {

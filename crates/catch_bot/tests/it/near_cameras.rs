@@ -73,7 +73,7 @@ fn edges_of_the_arm_that_bleed_are_no_object() {
         .map(|(index, camera)| {
             let mut frame = empty(index, camera);
             let background = Background::new(camera, Some(&surroundings), &camera.full_window(), &config);
-            background.cast_all(&mut frame.depth_m);
+            frame.depth_m = background.cast_all();
             frame.depth_m.iter_mut().filter(|depth_m| depth_m.is_infinite()).for_each(|depth_m| *depth_m = f32::NAN);
             frame
         })
