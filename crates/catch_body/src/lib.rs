@@ -1,6 +1,6 @@
 //! Bodies: what the catching robot's brain and the arena it acts in both know about physical things.
 //!
-//! Poses, meshes and shapes, ray casting, collision distance; a serial arm read from a URDF and a
+//! Poses, meshes, clouds and shapes, ray casting, collision distance; a serial arm read from a URDF and a
 //! `robot.toml`, its forward and inverse kinematics, Jacobians and inverse dynamics; a parallel gripper.
 //! There is no camera, no throw and no time here.
 //!
@@ -22,6 +22,7 @@
 //! ```
 
 pub mod clearance;
+pub mod distance_field;
 pub mod document;
 pub mod dynamics;
 pub mod free_flight;
@@ -32,6 +33,7 @@ pub mod inverse_kinematics;
 pub mod kinematics;
 pub mod mesh;
 pub mod mesh_file;
+pub mod neighbours;
 pub mod pose;
 pub mod quantity;
 pub mod ray_cast;

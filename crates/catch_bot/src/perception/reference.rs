@@ -1,14 +1,16 @@
 //! The object as the brain knows it, made once from a scan.
 
-use catch_body::{Pose, pose::across, statistics::median_in_place};
+use catch_body::{
+    Pose,
+    distance_field::{DistanceField, OrientedPoints},
+    neighbours::PointGrid,
+    pose::across,
+    statistics::median_in_place,
+};
 use catch_cell::{CameraModel, DepthFrame, ReferenceScan};
 use nalgebra::{Matrix3, Matrix6, Point3, SymmetricEigen, Translation3, UnitQuaternion, Vector3, Vector6};
 
-use super::{
-    distance_field::{DistanceField, OrientedPoints},
-    neighbours::PointGrid,
-    symmetry::Symmetry,
-};
+use super::symmetry::Symmetry;
 
 /// Error of the model itself, in metres: a point is off by this even without noise.
 pub const MODEL_SD_M: f64 = 0.0002;

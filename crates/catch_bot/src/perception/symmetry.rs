@@ -3,10 +3,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use catch_body::pose::across;
+use catch_body::{distance_field::DistanceField, pose::across};
 use nalgebra::{Matrix3, Point3, SymmetricEigen, Unit, UnitQuaternion, Vector3};
-
-use super::distance_field::DistanceField;
 
 /// A finite group of rotations about the centre of mass, without the identity, in O.
 #[derive(Debug, Clone, Copy, PartialEq)]

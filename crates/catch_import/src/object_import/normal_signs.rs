@@ -7,8 +7,10 @@
 
 use std::collections::BinaryHeap;
 
-use catch_body::InputError;
-use catch_bot::perception::neighbours::{PointGrid, bounds};
+use catch_body::{
+    InputError,
+    neighbours::{PointGrid, bounds},
+};
 use nalgebra::{Point3, Vector3};
 
 use crate::cloud_file::CloudFile;

@@ -2,8 +2,8 @@
 
 use std::collections::HashSet;
 
-use catch_body::{InputError, TriangleMesh, shape::Cuboid};
-use catch_bot::perception::{ReferenceModel, neighbours::bounds};
+use catch_body::{InputError, TriangleMesh, neighbours::bounds, shape::Cuboid};
+use catch_bot::perception::ReferenceModel;
 use nalgebra::{Point3, Vector3};
 
 use super::normal_signs::orient;

@@ -6,7 +6,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::neighbours::{PointGrid, bounds};
+use crate::neighbours::{PointGrid, bounds};
 
 /// Signed distance, negative inside: fine near the surface, coarse around it.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -17,8 +17,10 @@ pub struct DistanceField {
 
 /// A cloud of oriented points, and how far apart its points are.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct OrientedPoints<'a> {
+pub struct OrientedPoints<'a> {
+    /// Points on the surface.
     pub points: &'a [Point3<f64>],
+    /// Outward unit normals, one per point.
     pub normals: &'a [Vector3<f64>],
     /// Width of the neighbourhood over which the surface is averaged, in metres.
     pub smoothing_m: f64,
@@ -45,7 +47,7 @@ const BAND_M: f64 = 0.008;
 
 impl DistanceField {
     /// The field of a cloud, `fine_m` between the nodes next to it.
-    pub(super) fn new(cloud: &OrientedPoints<'_>, fine_m: f64) -> Self {
+    pub fn new(cloud: &OrientedPoints<'_>, fine_m: f64) -> Self {
         let grid = PointGrid::new(cloud.points, cloud.smoothing_m);
         Self {
             fine: Grid::around(cloud, &grid, fine_m, BAND_M + fine_m),
@@ -60,7 +62,7 @@ impl DistanceField {
 
     /// Distance by the coarse nodes alone, which are few enough to stay in the cache: for coarse decisions
     /// about points that are far from each other.
-    pub(super) fn about_m(&self, point: &Point3<f64>) -> f64 {
+    pub fn about_m(&self, point: &Point3<f64>) -> f64 {
         self.coarse.at(point).unwrap_or_else(|| self.coarse.beyond(point)).0
     }
 
@@ -70,24 +72,24 @@ impl DistanceField {
     ///
     /// The nearest points alone decide wrongly at thin walls, in the openings of a surface, and before parts
     /// of it that nobody saw.
-    pub(super) fn clear(&mut self, is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>) {
+    pub fn clear(&mut self, is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>) {
         self.fine.clear(is_free);
         self.coarse.clear(is_free);
     }
 
     /// Moves the field: what was at `point` is at `point + offset` afterwards.
-    pub(super) fn translate(&mut self, offset: &Vector3<f64>) {
+    pub fn translate(&mut self, offset: &Vector3<f64>) {
         self.fine.lowest += offset;
         self.coarse.lowest += offset;
     }
 
     /// Depth of the deepest node below the surface, in metres.
-    pub(super) fn deepest_m(&self) -> f64 {
+    pub fn deepest_m(&self) -> f64 {
         self.fine.values.iter().map(|node| -f64::from(node[0])).fold(0.0, f64::max)
     }
 
     /// Nodes of the fine grid with the fraction of their cell that is inside, and the volume of a cell in m³.
-    pub(super) fn inside(&self) -> (impl Iterator<Item = (Point3<f64>, f64)>, f64) {
+    pub fn inside(&self) -> (impl Iterator<Item = (Point3<f64>, f64)>, f64) {
         let grid = &self.fine;
         let cells = grid.values.iter().enumerate().filter_map(|(i, value)| {
             let fraction = (0.5 - f64::from(value[0]) / grid.spacing_m).clamp(0.0, 1.0);
