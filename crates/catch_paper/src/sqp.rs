@@ -22,8 +22,7 @@ mod layout;
 mod problem;
 pub mod waypoint;
 
-use catch_body::JointVector;
-use catch_bot::trajectory_optimization::quadratic_program::ProgramFailure;
+use catch_body::{JointVector, quadratic_program::ProgramFailure};
 use catch_cell::{BSpline, arm::Setpoint, spline::DEGREE};
 use layout::{Layout, PRICE};
 pub use problem::{Problem, Solution};

@@ -4,12 +4,12 @@
 use catch_body::{
     MAX_JOINTS,
     inverse_kinematics::{Branch, ElbowCircle, SrsArm},
+    quadratic_program::{Hessian, MAX_VARIABLES, Row, Square, Variables},
     robot::Jacobian,
 };
 use catch_bot::trajectory_optimization::{
     MAX_SPEED_FRACTION,
     posture::{PostureFinder, first_seven},
-    quadratic_program::{Hessian, MAX_VARIABLES, Row, Square, Variables},
     reachability::Interval,
 };
 use nalgebra::{Point3, SMatrix, Vector3};

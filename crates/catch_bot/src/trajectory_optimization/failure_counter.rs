@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use super::quadratic_program::ProgramFailure;
+use catch_body::quadratic_program::ProgramFailure;
 
 /// Counts programs and factorizations that failed although nothing proved that there is no solution.
 #[derive(Debug, Default)]

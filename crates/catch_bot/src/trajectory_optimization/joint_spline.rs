@@ -16,10 +16,12 @@
 mod bounded;
 mod ends;
 
-use catch_body::robot::JointLimits;
+use catch_body::{
+    quadratic_program::{Hessian, MAX_VARIABLES, ProgramFailure, Row, Square, Variables},
+    robot::JointLimits,
+};
 use catch_cell::spline::{DEGREE, basis};
 
-use super::quadratic_program::{Hessian, MAX_VARIABLES, ProgramFailure, Row, Square, Variables};
 use bounded::{Bounded, Combination, Quantity};
 
 pub use ends::{End, EndKind, Ends, JointState, Onset};

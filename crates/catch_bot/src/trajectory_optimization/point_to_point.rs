@@ -6,7 +6,7 @@
 //! infeasible there gets the spline's own extreme as its bound on that side, and the velocities are chosen
 //! anew. What is left feasible shrinks to exactly what splines can do, and usually no cut or one is enough.
 
-use catch_body::{JointVector, MAX_JOINTS, Pose, robot::Jacobian};
+use catch_body::{JointVector, MAX_JOINTS, Pose, quadratic_program::ProgramFailure, robot::Jacobian};
 use nalgebra::{Rotation3, Vector3};
 
 use super::{
@@ -14,7 +14,6 @@ use super::{
     failure_counter::FailureCounter,
     joint_spline::{End, JointPoints, JointState, Onset},
     motion::{BRAKING_ACCELERATION_FRACTION, LimitScaling},
-    quadratic_program::ProgramFailure,
     reachability::{Interval, ReachableSet},
     terminal_velocity::{FOLLOWING, TerminalVelocity, Weights, terminal_velocity},
 };

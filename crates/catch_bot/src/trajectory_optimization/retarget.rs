@@ -1,16 +1,14 @@
 //! Replans: a running catch adjusted to a flight that is known better.
 
-use catch_body::{JointVector, MAX_JOINTS, Pose};
+use catch_body::{
+    JointVector, MAX_JOINTS, Pose,
+    quadratic_program::{Hessian, Row, Square, Variables},
+};
 use nalgebra::{Point3, SMatrix, Vector3, Vector6};
 
 use super::{
-    CatchPlan, CatchSearch, Incoming, MIN_LEAD_S, Start,
-    motion::LimitScaling,
-    point_to_point::PointToPoint,
-    posture::Posture,
-    quadratic_program::{Hessian, Row, Square, Variables},
-    search::ReachableCatch,
-    swept_volume::Entering,
+    CatchPlan, CatchSearch, Incoming, MIN_LEAD_S, Start, motion::LimitScaling, point_to_point::PointToPoint,
+    posture::Posture, search::ReachableCatch, swept_volume::Entering,
 };
 use crate::{
     grasp_selection::{Grasp, Passing},

@@ -16,14 +16,14 @@
 //! ```
 //! The bounds on q̇ are what each joint can have on arrival ([`super::reachability`]).
 
-use catch_body::{JointVector, MAX_JOINTS, robot::Jacobian};
+use catch_body::{
+    JointVector, MAX_JOINTS,
+    quadratic_program::{Hessian, ProgramFailure, Row, Square, Variables},
+    robot::Jacobian,
+};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use super::{
-    MAX_SPEED_FRACTION,
-    quadratic_program::{Hessian, ProgramFailure, Row, Square, Variables},
-    reachability::Interval,
-};
+use super::{MAX_SPEED_FRACTION, reachability::Interval};
 
 /// Keeps the program strictly convex along the redundancy, ε.
 pub const DAMPING: f64 = 1e-3;

@@ -1,11 +1,7 @@
 //! Splines of one joint.
 
-use catch_body::JointVector;
-use catch_body::robot::JointLimits;
-use catch_bot::trajectory_optimization::{
-    joint_spline::{End, EndKind, Ends, JointSpline, JointState, Onset},
-    quadratic_program::ProgramFailure,
-};
+use catch_body::{JointVector, quadratic_program::ProgramFailure, robot::JointLimits};
+use catch_bot::trajectory_optimization::joint_spline::{End, EndKind, Ends, JointSpline, JointState, Onset};
 use catch_cell::BSpline;
 use proptest::prelude::*;
 

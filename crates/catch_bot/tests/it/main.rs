@@ -11,7 +11,6 @@ mod grasp_fit;
 mod joint_spline;
 mod near_cameras;
 mod pose_estimation;
-mod quadratic_program;
 mod reach_map;
 mod reachability;
 mod sent_plans;

@@ -5,10 +5,10 @@
 //!      x
 //! ```
 //! Mehrotra's predictor and corrector (Nocedal & Wright, Numerical Optimization, section 16.6). Unlike the
-//! active-set method of [`quadratic_program`](catch_bot::trajectory_optimization::quadratic_program) its
-//! number of steps hardly depends on how many rows bind.
+//! active-set method of [`quadratic_program`](catch_body::quadratic_program) its number of steps hardly
+//! depends on how many rows bind.
 
-use catch_bot::trajectory_optimization::quadratic_program::ProgramFailure;
+use catch_body::quadratic_program::ProgramFailure;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// One row aᵀx ≤ b. Its entries stand together, but for one slack variable, which enters with −1.

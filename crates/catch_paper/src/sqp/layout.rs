@@ -1,7 +1,6 @@
 //! The variables of a motion's program, its constraints and its objective.
 
-use catch_body::JointVector;
-use catch_bot::trajectory_optimization::quadratic_program::ProgramFailure;
+use catch_body::{JointVector, quadratic_program::ProgramFailure};
 use catch_cell::spline::{DEGREE, basis};
 use nalgebra::{DMatrix, DVector};
 

@@ -1,6 +1,6 @@
 //! Quadratic programs.
 
-use catch_bot::trajectory_optimization::quadratic_program::*;
+use catch_body::quadratic_program::*;
 use proptest::prelude::*;
 
 fn variables() -> impl Strategy<Value = Variables> {
