@@ -10,7 +10,7 @@ use catch_body::{
 };
 use catch_calibration::{
     CalibrationStatus, CameraCalibration, Config, calibrate,
-    flights::{FlightSettings, FlightStatus, Refinement, refine},
+    flights::{FlightStatus, Refinement, refine},
     overlay::overlays,
 };
 use catch_cell::{CameraModel, rig_to_toml};
@@ -161,7 +161,7 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     bar.set_message(format!("{} throws are seen", arguments.flights));
     let scene = (arguments.seed, 0);
     let flights = calibration::observe_flights(&setup, &found, &setup.cameras, arguments.flights as usize, scene);
-    let refinement = refine(&found, &flights, &FlightSettings::default());
+    let refinement = refine(&found, &flights);
     bar.finish_and_clear();
     let flights = (arguments.flights > 0).then(|| flights_document(&refinement));
     let found = refinement.calibration;
