@@ -199,11 +199,6 @@ impl Errors {
     }
 }
 
-pub const LEGEND: &str = "\n\nThe last table has the first 200 ms of throws of `paper`, at 100 Hz; the brain is told the cameras' data sheet. Errors are \
-medians, of poses over all images, of predictions over all throws. A first pose is right within 10 mm and 0.2 rad. Predictions are for 0.55 s after the \
-release, from the first 100 ms and from all 200 ms. *Within 95 %*: predicted positions in their 95 % ellipsoid. *Without*: throws without a prediction, or \
-touched by then.";
-
 /// Table by depth noise, with labels and without.
 pub fn table(options: &Options) -> Result<Table> {
     let mut table = Table::new("Poses and predictions by noise", &[]);
