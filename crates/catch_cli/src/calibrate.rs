@@ -19,14 +19,17 @@ use catch_lab::scenario::setup::{
     Choice, Setup,
     calibration::{self, ArenaSession, CalibratedCameras, calibrated_cameras},
 };
-use catch_recording::whole_file::{self, COMMAND_LINE, check_new, unfinished_folder, write_new};
+use catch_recording::{
+    name_of,
+    whole_file::{self, COMMAND_LINE, check_new, unfinished_folder, write_new},
+};
 use catch_view::pages::calibration_page::{self, CameraSection};
 use clap::Args;
 use serde::Serialize;
 
 use self::places::Places;
 use super::{ChoiceArguments, MOST, OutputArguments, between, whole};
-use crate::screen::{self, BAD, GOOD, name_of};
+use crate::screen::{self, BAD, GOOD};
 
 /// Images of each camera on the page.
 const PAGE_IMAGES: usize = 2;

@@ -7,6 +7,7 @@ use catch_body::{
 use catch_cell::{
     ArmState as SensedArm, GraspState, GripperState as SensedGripper, RejectedTrajectory, Setpoint, TrajectoryId,
 };
+use catch_recording::name_of;
 use numpy::{PyArray1, PyArray2};
 use pyo3::{
     exceptions::PyTypeError,
@@ -15,7 +16,7 @@ use pyo3::{
 };
 use serde_json::{Value, json};
 
-use crate::arguments::{Numbers, Whole, fault, joint_vector, json_dict, list, name_of, number};
+use crate::arguments::{Numbers, Whole, fault, joint_vector, json_dict, list, number};
 
 /// Class and arguments from which another process makes a value again.
 pub type Made<'py> = (Bound<'py, PyAny>, Bound<'py, PyTuple>);

@@ -7,7 +7,7 @@ use catch_lab::{
     recording::recorded_throw::record,
     scenario::setup::Setup,
 };
-use catch_recording::whole_file;
+use catch_recording::{name_of, whole_file};
 use catch_view::{pages::catch_page, playback::Playback};
 use pyo3::{
     exceptions::{PyOSError, PyRuntimeError},
@@ -16,7 +16,7 @@ use pyo3::{
 };
 
 use crate::{
-    arguments::{fault, input_fault, json_dict, name_of},
+    arguments::{fault, input_fault, json_dict},
     cell_state::Made,
 };
 
