@@ -62,11 +62,16 @@ impl Capsule {
         (Point3::new(0.0, 0.0, z), Vector3::new(across * cos, across * sin, up))
     }
 
-    /// Distance of a point from the surface, negative inside.
-    pub fn distance_to_point(&self, point: &Point3<f64>) -> f64 {
+    /// Vector to a point from the nearest one of the axis.
+    pub fn from_axis(&self, point: &Point3<f64>) -> Vector3<f64> {
         let along = self.to - self.from;
         let s = ((point - self.from).dot(&along) / along.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        (point - (self.from + along * s)).norm() - self.radius
+        point - (self.from + along * s)
+    }
+
+    /// Distance of a point from the surface, negative inside.
+    pub fn distance_to_point(&self, point: &Point3<f64>) -> f64 {
+        self.from_axis(point).norm() - self.radius
     }
 
     /// Distance between the surfaces of two capsules, negative where they overlap.

@@ -97,7 +97,8 @@ pub struct Preparation {
     pub grasps: Arc<GraspSet>,
     /// Search for catches and for the arm's motions to them.
     pub search: Arc<CatchSearch>,
-    pub(crate) arm_surface: ArmSurface,
+    /// Surface of the arm and its gripper.
+    pub arm_surface: ArmSurface,
     /// The cameras' alignment before anything has been seen.
     pub(crate) alignment: CameraAlignment,
     /// The cameras' health before anything has been seen.

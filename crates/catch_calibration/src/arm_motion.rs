@@ -5,7 +5,7 @@ use catch_body::JointVector;
 /// An arm that rests does so for this long before and after, in seconds.
 const AROUND_S: f64 = 0.1;
 /// Joints that moved by less than this rest, in radians.
-const STILL_RAD: f64 = 1e-3;
+pub(crate) const STILL_RAD: f64 = 1e-3;
 
 /// The arm as its encoders saw it at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]

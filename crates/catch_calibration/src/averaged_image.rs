@@ -4,10 +4,8 @@ use std::collections::VecDeque;
 
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 
-use super::{ArmSample, Session, arm_at, arm_at_rest};
+use super::{ArmSample, Session, arm_at, arm_at_rest, arm_motion::STILL_RAD};
 
-/// Joints that moved by less than this between two images, in radians, stood still.
-const STILL_RAD: f64 = 1e-3;
 /// Largest time in seconds between images that belong together.
 const APART_S: f64 = 0.5;
 /// Least fraction of the images that show the same depth where something stands still.

@@ -11,8 +11,13 @@ use nalgebra::{Matrix6, Point2, Point3, Translation3, UnitQuaternion, Vector3, V
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::{AveragedImage, Config, averaged_image::StillImage};
+use super::{AveragedImage, averaged_image::StillImage};
 
+/// Starts, the first guess among them.
+const STARTS: usize = 10;
+/// Largest errors of the first guess along each axis, in metres, and about each axis, in radians: 5°.
+const GUESS_M: f64 = 0.05;
+const GUESS_RAD: f64 = 5.0_f64.to_radians();
 /// Distances from the arm beyond which a point counts for little, one after the other, in metres.
 const GATES_M: [f64; 7] = [0.3, 0.2, 0.13, 0.09, 0.06, 0.04, 0.025];
 /// Steps with each.
@@ -69,9 +74,7 @@ impl PosedPoints {
 }
 
 fn away_from_capsule(capsule: &Capsule, p: &Point3<f64>) -> (f64, Vector3<f64>) {
-    let along = capsule.to - capsule.from;
-    let s = ((p - capsule.from).dot(&along) / along.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-    let away = p - (capsule.from + along * s);
+    let away = capsule.from_axis(p);
     (away.norm() - capsule.radius, away.try_normalize(1e-9).unwrap_or_default())
 }
 
@@ -89,12 +92,12 @@ fn away_from_cuboid(cuboid: &Cuboid, p: &Point3<f64>) -> (f64, Vector3<f64>) {
 }
 
 /// The pose of a camera that fits best among several starts around `X_WC`.
-pub fn align(images: &[PosedPoints], X_WC: &Pose, seed: u64, config: &Config) -> Pose {
+pub fn align(images: &[PosedPoints], X_WC: &Pose, seed: u64) -> Pose {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut best: Option<(f64, Pose)> = None;
-    for start in 0..config.starts {
+    for start in 0..STARTS {
         let mut draw = |size: f64| Vector3::from_fn(|_, _| random.random_range(-size..=size));
-        let (p, turn) = (draw(config.guess_position_m), draw(config.guess_rotation_rad));
+        let (p, turn) = (draw(GUESS_M), draw(GUESS_RAD));
         let offset = if start == 0 { Pose::identity() } else { moved(&p, &turn) };
         let mut X_WC = X_WC * offset;
         for gate_m in GATES_M {

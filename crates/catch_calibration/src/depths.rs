@@ -12,9 +12,11 @@ use super::{
     measurement::{Measurement, Quantity},
     rendering::{Hit, Rendering},
 };
-use catch_cell::CameraModel;
+use catch_cell::{CameraModel, camera::among_neighbours};
 use nalgebra::Point2;
 
+/// Surfaces seen more steeply than this, from their normal in radians, have no depths to compare: 60°.
+const MAX_INCIDENCE_RAD: f64 = 60.0_f64.to_radians();
 /// Neighbours whose 1/z differ by so many standard deviations are at a depth edge.
 const JUMP_SD: f64 = 3.0;
 
@@ -26,7 +28,7 @@ pub fn measure(
     image: Option<&AveragedImage>,
     config: &Config,
 ) {
-    let least_cosine = libm::cos(config.max_incidence_rad);
+    let least_cosine = libm::cos(MAX_INCIDENCE_RAD);
     let beside_edge = beside_edges(rendering, JUMP_SD * config.inverse_depth_sd_per_m, config.edge_px);
     let window = rendering.window;
     let wide = window.width as usize;
@@ -75,18 +77,5 @@ fn beside_edges(rendering: &Rendering<'_>, jump_per_m: f64, reach: usize) -> Vec
             }
         }
     }
-    // Along rows, then along columns.
-    let mut along = vec![false; wide * high];
-    for (i, _) in edge.iter().enumerate().filter(|(_, is_edge)| **is_edge) {
-        let (row, column) = (i / wide, i % wide);
-        along[row * wide + column.saturating_sub(reach)..=row * wide + (column + reach).min(wide - 1)].fill(true);
-    }
-    let mut around = vec![false; wide * high];
-    for (i, _) in along.iter().enumerate().filter(|(_, is_edge)| **is_edge) {
-        let (row, column) = (i / wide, i % wide);
-        for near in row.saturating_sub(reach)..=(row + reach).min(high - 1) {
-            around[near * wide + column] = true;
-        }
-    }
-    around
+    among_neighbours(&edge, wide, reach, |one, other| one | other)
 }

@@ -9,7 +9,7 @@ use super::{
     averaged_image::{AveragedImage, StillImage},
     coarse::{self, PosedPoints},
     fine::{Estimate, Observed, Problem, SMALL},
-    parameters::{CameraState, FIRST_LINK_SD_M, FIRST_NUISANCE, OF_CAMERA, TIME_OFFSET},
+    parameters::{CameraState, FIRST_LINK_SD_M, FIRST_NUISANCE, OF_CAMERA, SCALE_SD, TIME_OFFSET, TIME_OFFSET_SD_S},
 };
 
 /// Images of one camera, at least.
@@ -54,7 +54,7 @@ pub fn calibrate(
             Some(PosedPoints::new((robot, gripper), (&X_WL, arm.width_m), it.camera, (image, &it.still)))
         });
         let points: Vec<PosedPoints> = points.collect();
-        let X_WC = coarse::align(&points, &it.camera.X_WC, config.seed.wrapping_add(i as u64), config);
+        let X_WC = coarse::align(&points, &it.camera.X_WC, config.seed.wrapping_add(i as u64));
         CameraState { X_WC, nuisance: [0.0; OF_CAMERA - FIRST_NUISANCE] }
     };
     let coarse = cameras.iter().enumerate().map(coarse).collect();
@@ -66,20 +66,20 @@ pub fn calibrate(
     let of_camera = |i: usize| of_camera(i, &problem, &estimate, is_modelled);
     Calibration {
         cameras: (0..guesses.len()).map(of_camera).collect(),
-        covariance: joint_covariance(&estimate, config),
+        covariance: joint_covariance(&estimate),
         joint_zero_rad: estimate.shared.joint_zero_rad().iter().take(robot.dof()).copied().collect(),
         link_offset_m,
     }
 }
 
 /// Joint covariance of all cameras, as in [`Calibration::covariance`].
-fn joint_covariance(estimate: &Estimate, config: &Config) -> DMatrix<f64> {
+fn joint_covariance(estimate: &Estimate) -> DMatrix<f64> {
     let size = CAMERA_PARAMETERS * estimate.cameras.len();
     let Some(covariance) = &estimate.covariance else { return DMatrix::from_element(size, size, f64::INFINITY) };
     // Scale and time offset are the first of the nuisances, in standard deviations.
     let unit = |at: usize| match at % CAMERA_PARAMETERS {
-        FIRST_NUISANCE => config.scale_sd,
-        TIME_OFFSET => config.time_offset_sd_s,
+        FIRST_NUISANCE => SCALE_SD,
+        TIME_OFFSET => TIME_OFFSET_SD_S,
         _ => 1.0,
     };
     let place = |at: usize| OF_CAMERA * (at / CAMERA_PARAMETERS) + at % CAMERA_PARAMETERS;
@@ -94,7 +94,7 @@ fn of_camera(i: usize, problem: &Problem<'_>, estimate: &Estimate, is_modelled: 
     let whole = estimate.covariance.as_ref();
     let entry = |row: usize, column: usize| whole.map_or(f64::INFINITY, |it| it[(first + row, first + column)]);
     let covariance = Matrix6::from_fn(entry);
-    let time_sd_s = entry(TIME_OFFSET, TIME_OFFSET).sqrt() * config.time_offset_sd_s;
+    let time_sd_s = entry(TIME_OFFSET, TIME_OFFSET).sqrt() * TIME_OFFSET_SD_S;
     let moves = observed.images.iter().any(|it| !it.is_still(arm));
     let sd = |first: usize| covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
     let step = estimate.last_step[i];
@@ -121,8 +121,8 @@ fn of_camera(i: usize, problem: &Problem<'_>, estimate: &Estimate, is_modelled: 
         status,
         X_WC: state.X_WC,
         covariance,
-        depth_scale: state.nuisance[0] * config.scale_sd,
-        time_offset_s: state.time_offset_s(config),
+        depth_scale: state.nuisance[0] * SCALE_SD,
+        time_offset_s: state.time_offset_s(),
         time_offset_sd_s: Some(time_sd_s).filter(|sd_s| moves && sd_s.is_finite()),
         residuals,
     }

@@ -237,7 +237,7 @@ impl State<'_> {
         let model = CameraModel { X_WC: state.X_WC, ..(*intrinsics).clone() };
         let wide = Config { silhouette_px: FIRST_SILHOUETTE_PX, ..(*config).clone() };
         let seen = if pass == Pass::First { &wide } else { *config };
-        let time_offset_s = state.time_offset_s(config);
+        let time_offset_s = state.time_offset_s();
         let size = OF_CAMERA + self.shared.values.len() + 1;
         let mut errors = Errors::default();
         let mut patches = BTreeSet::new();
@@ -260,7 +260,7 @@ impl State<'_> {
                 let in_common = if it.is_depth() { offset } else { 0.0 };
                 let patch = posed.patch(it, &state.X_WC);
                 patches.extend(patch);
-                let correction = state.correction(it, config) + posed.patch_correction(it, patch);
+                let correction = state.correction(it) + posed.patch_correction(it, patch);
                 let residual = it.residual() - correction - in_common;
                 let (sd, correlated, sds) = if it.is_depth() {
                     (spread.depth_per_m, spread.depth_correlation, &mut errors.of_depths)
@@ -274,7 +274,7 @@ impl State<'_> {
                     continue;
                 }
                 let robust = (HUBER_SD * sd / size).min(1.0);
-                posed.row(&mut row, it, &state, offset_sd, config);
+                posed.row(&mut row, it, &state, offset_sd);
                 // What stands still is seen in all images with the same errors: of its model, and of the
                 // place of its edges between pixels.
                 let repeated = if it.part == SurfacePart::Link(0) { images.len() as f64 } else { 1.0 };
@@ -313,11 +313,8 @@ impl State<'_> {
             images: cameras[camera].images.len(),
             depths: of_depths.len(),
             inverse_depth_sd_per_m: robust_sd(&mut of_depths),
-            silhouettes: of_silhouettes.len(),
             silhouette_sd_px: robust_sd(&mut of_silhouettes),
             outlier_fraction: f64::from(outliers) / count.max(1) as f64,
-            depth_correlation: spread.depth_correlation,
-            silhouette_correlation: spread.shown_correlation,
         };
         if count > 0 {
             let Residuals { inverse_depth_sd_per_m, silhouette_sd_px, .. } = self.residuals[camera];

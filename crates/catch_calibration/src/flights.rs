@@ -20,7 +20,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3};
 use serde::Serialize;
 
 use super::{CAMERA_PARAMETERS, Calibration, CalibrationStatus, coarse::moved};
-use equations::{CameraState, FlightEquations, FlightState, OF_CAMERA, OF_FLIGHT, OF_OFFSET, OF_TILT, Priors, Seen};
+use equations::{CameraState, FlightEquations, FlightState, OF_CAMERA, OF_FLIGHT, OF_OFFSET, OF_TILT, Seen};
 
 /// Steps, at most.
 const STEPS: usize = 40;
@@ -28,6 +28,16 @@ const STEPS: usize = 40;
 /// do.
 const SMALL_SD: f64 = 1e-3;
 const NOT_LARGE_SD: f64 = 0.1;
+/// Standard deviation of the tilt of W against gravity about x and about y, in radians: 0.05°, what a good
+/// level tells of the base.
+pub const TILT_SD_RAD: f64 = 0.05_f64.to_radians();
+/// Standard deviations of what the registration of a camera's images is off by in all flights, along x, y and
+/// the line of sight, in metres.
+pub const OFFSET_SD_M: [f64; 3] = [0.0002, 0.0002, 0.01];
+/// Standard deviations of what the registration is off by beside that in each flight.
+pub const FLIGHT_OFFSET_SD_M: [f64; 3] = [0.0003, 0.0003, 0.005];
+/// Flights of fewer sightings do not count.
+const LEAST_SIGHTINGS: usize = 8;
 /// Median of the squared length of three normal residuals.
 const MEDIAN_OF_SQUARES: f64 = 2.366;
 /// Flights that tell how much they vary beyond what their sightings say.
@@ -54,36 +64,6 @@ pub struct Sighting {
 pub struct Flight {
     /// Sightings, in any order.
     pub sightings: Vec<Sighting>,
-}
-
-/// Settings of the refinement.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FlightSettings {
-    /// Standard deviation of the tilt of W against gravity about x and about y, in radians: 0.05°, what a
-    /// good level tells of the base.
-    pub tilt_sd_rad: f64,
-    /// Standard deviation of the drag constant k in a = −k·|v|·v of each flight, in 1/m, about zero.
-    pub drag_sd_per_m: f64,
-    /// Standard deviations of what the registration of a camera's images is off by in all flights, in metres:
-    /// across the line of sight, and along it.
-    pub offset_sd_m: [f64; 2],
-    /// Standard deviations of what the registration is off by beside that in each flight, in metres: across
-    /// the line of sight, and along it.
-    pub flight_offset_sd_m: [f64; 2],
-    /// Flights of fewer sightings do not count.
-    pub least_sightings: usize,
-}
-
-impl Default for FlightSettings {
-    fn default() -> Self {
-        Self {
-            tilt_sd_rad: 0.05_f64.to_radians(),
-            drag_sd_per_m: 0.1,
-            offset_sd_m: [0.0002, 0.01],
-            flight_offset_sd_m: [0.0003, 0.005],
-            least_sightings: 8,
-        }
-    }
 }
 
 /// Outcome of a refinement.
@@ -125,7 +105,7 @@ pub struct Refinement {
 }
 
 /// Refines the cameras of a calibration that converged by flights of which they have sightings.
-pub fn refine(calibration: &Calibration, flights: &[Flight], settings: &FlightSettings) -> Refinement {
+pub fn refine(calibration: &Calibration, flights: &[Flight]) -> Refinement {
     let unchanged = Refinement {
         status: FlightStatus::TooFewSightings,
         calibration: calibration.clone(),
@@ -134,10 +114,10 @@ pub fn refine(calibration: &Calibration, flights: &[Flight], settings: &FlightSe
         outlier_fraction: 0.0,
         variance_factor: 1.0,
         tilt_rad: [0.0; 2],
-        tilt_sd_rad: [settings.tilt_sd_rad; 2],
+        tilt_sd_rad: [TILT_SD_RAD; 2],
         change_sd: 0.0,
     };
-    let Some(mut problem) = Problem::new(calibration, flights, settings) else { return unchanged };
+    let Some(mut problem) = Problem::new(calibration, flights) else { return unchanged };
     let sightings = problem.flights.iter().map(|it| it.seen.len()).sum();
     let unchanged = Refinement { flights: problem.flights.len(), sightings, ..unchanged };
     let Some(solution) = problem.solve() else {
@@ -172,7 +152,6 @@ struct Problem {
     tilt_rad: [f64; 2],
     flights: Vec<FlightState>,
     prior: DMatrix<f64>,
-    of_flights: Priors,
     factor: f64,
 }
 
@@ -183,7 +162,7 @@ struct Solution {
 
 impl Problem {
     /// `None` where no flight counts, or the calibration claims nothing.
-    fn new(calibration: &Calibration, flights: &[Flight], settings: &FlightSettings) -> Option<Self> {
+    fn new(calibration: &Calibration, flights: &[Flight]) -> Option<Self> {
         let is_refined = |it: &usize| calibration.cameras[*it].status == CalibrationStatus::Converged;
         let refined: Vec<usize> = (0..calibration.cameras.len()).filter(is_refined).collect();
         let cameras: Vec<CameraState> = refined
@@ -200,7 +179,7 @@ impl Problem {
                 Seen::new(Sighting { camera, ..*it })
             });
             let seen: Vec<Seen> = seen.collect();
-            if seen.len() < settings.least_sightings { None } else { FlightState::new(seen, &cameras) }
+            if seen.len() < LEAST_SIGHTINGS { None } else { FlightState::new(seen, &cameras) }
         };
         let flights: Vec<FlightState> = flights.iter().filter_map(flight).collect();
         if flights.is_empty() {
@@ -216,16 +195,13 @@ impl Problem {
         for (i, j) in (0..size).flat_map(|j| (0..size).map(move |i| (i, j))) {
             prior[(place(i), place(j))] = joint[(i, j)];
         }
-        let offset_sd = |[across, along]: [f64; 2]| Vector3::new(across, across, along);
         for (camera, axis) in (0..refined.len()).flat_map(|camera| (0..OF_OFFSET).map(move |axis| (camera, axis))) {
             let at = OF_CAMERA * camera + CAMERA_PARAMETERS + axis;
-            prior[(at, at)] = offset_sd(settings.offset_sd_m)[axis].powi(-2);
+            prior[(at, at)] = OFFSET_SD_M[axis].powi(-2);
         }
-        (0..OF_TILT).for_each(|i| prior[(common + i, common + i)] = settings.tilt_sd_rad.powi(-2));
-        let of_flights =
-            Priors { drag_sd_per_m: settings.drag_sd_per_m, offset_sd_m: offset_sd(settings.flight_offset_sd_m) };
+        (0..OF_TILT).for_each(|i| prior[(common + i, common + i)] = TILT_SD_RAD.powi(-2));
         let (calibrated, tilt_rad) = (cameras.clone(), [0.0; 2]);
-        Some(Self { refined, calibrated, cameras, tilt_rad, flights, prior, of_flights, factor: 1.0 })
+        Some(Self { refined, calibrated, cameras, tilt_rad, flights, prior, factor: 1.0 })
     }
 
     /// Deviations from their prior means of all parameters that flights have in common.
@@ -295,7 +271,7 @@ impl Problem {
     }
 
     fn linearized(&self) -> Option<(Vec<FlightEquations>, DMatrix<f64>)> {
-        let of = |it: &FlightState| it.equations(&self.cameras, self.tilt_rad, &self.of_flights, self.factor);
+        let of = |it: &FlightState| it.equations(&self.cameras, self.tilt_rad, self.factor);
         let equations = self.flights.iter().map(of).collect::<Option<Vec<FlightEquations>>>()?;
         let information = equations.iter().fold(self.prior.clone(), |sum, it| sum + &it.information);
         Some((equations, information))

@@ -42,7 +42,7 @@
 //! use std::sync::Arc;
 //!
 //! use catch_bot::Preparation;
-//! use catch_calibration::{Calibration, FlightRun, flights::{FlightSettings, refine}};
+//! use catch_calibration::{Calibration, FlightRun, flights::refine};
 //! use catch_cell::{Brain, Cell};
 //!
 //! /// The calibration after so many throws, which somebody makes; `known` has the cameras as they are calibrated.
@@ -61,7 +61,7 @@
 //!         }
 //!         flights.push(run.into_flight());
 //!     }
-//!     Ok(refine(calibration, &flights, &FlightSettings::default()).calibration)
+//!     Ok(refine(calibration, &flights).calibration)
 //! }
 //! ```
 
@@ -86,8 +86,6 @@ mod silhouettes;
 #[cfg(test)]
 mod tests;
 
-use std::f64::consts::FRAC_PI_2;
-
 use catch_body::Pose;
 use nalgebra::{DMatrix, Matrix6};
 use serde::Serialize;
@@ -108,18 +106,12 @@ pub struct Config {
     pub poses: usize,
     /// Images of each camera in each pose.
     pub images_per_pose: usize,
-    /// Time for which the arm settles in each pose before the images, in seconds.
-    pub settling_s: f64,
     /// Latency from an observation to the command that answers it, in seconds.
     pub expected_latency_s: f64,
     /// Standard deviation of 1/z of a pixel in 1/m, from the camera's data sheet.
     pub inverse_depth_sd_per_m: f64,
     /// Fraction of the variance of 1/z that all pixels of an image have in common.
     pub common_fraction: f64,
-    /// Standard deviation of the scale of a camera's depths.
-    pub scale_sd: f64,
-    /// Standard deviation of the time between the clocks of a camera and the arm, in seconds.
-    pub time_offset_sd_s: f64,
     /// Standard deviation of each joint's zero, in radians; zero is exact. It is estimated from the images,
     /// if it is not set.
     pub joint_zero_sd_rad: Option<f64>,
@@ -130,20 +122,10 @@ pub struct Config {
     pub mount_sd_m: f64,
     /// Standard deviation of the rotation of the gripper's mount about each axis, in radians.
     pub mount_sd_rad: f64,
-    /// Largest error of the first guess along each axis, in metres.
-    pub guess_position_m: f64,
-    /// Largest error of the first guess about each axis, in radians.
-    pub guess_rotation_rad: f64,
-    /// Starts of the coarse alignment.
-    pub starts: usize,
-    /// Surfaces seen more steeply than this, from their normal in radians, have no depths to compare.
-    pub max_incidence_rad: f64,
-    /// Pixels this near to a depth edge have no depths to compare, either.
+    /// Pixels this near to a depth edge have no depths to compare.
     pub edge_px: usize,
     /// Pixels to each side of a silhouette that are counted.
     pub silhouette_px: usize,
-    /// Angles of incidence in radians between which a camera loses its pixels.
-    pub grazing_rad: [f64; 2],
     /// Seed of what is drawn: candidates for poses, and starts.
     pub seed: u64,
 }
@@ -153,34 +135,17 @@ impl Default for Config {
         Self {
             poses: 12,
             images_per_pose: 3,
-            settling_s: 0.25,
             expected_latency_s: 0.01,
             inverse_depth_sd_per_m: 0.0037,
             common_fraction: 0.5,
-            scale_sd: 0.02,
-            time_offset_sd_s: 0.02,
             joint_zero_sd_rad: None,
             link_sd_m: None,
             mount_sd_m: 0.0005,
             mount_sd_rad: 0.00175,
-            guess_position_m: 0.05,
-            guess_rotation_rad: 5.0_f64.to_radians(),
-            starts: 10,
-            max_incidence_rad: 60.0_f64.to_radians(),
             edge_px: 4,
             silhouette_px: 5,
-            grazing_rad: [70.0_f64.to_radians(), 85.0_f64.to_radians()],
             seed: 0,
         }
-    }
-}
-
-impl Config {
-    /// Fraction of the pixels that a camera loses where the cosine of the incidence is this.
-    fn missing_fraction(&self, cosine: f64) -> f64 {
-        let [from, to] = self.grazing_rad;
-        let incidence = libm::acos(cosine.clamp(-1.0, 1.0)).min(FRAC_PI_2);
-        ((incidence - from) / (to - from)).clamp(0.0, 1.0)
     }
 }
 
@@ -229,16 +194,10 @@ pub struct Residuals {
     pub depths: usize,
     /// Robust standard deviation of the depths' 1/z in one image, in 1/m.
     pub inverse_depth_sd_per_m: f64,
-    /// Lines across silhouettes that were compared.
-    pub silhouettes: usize,
     /// Robust standard deviation of the number of pixels on one, in one image.
     pub silhouette_sd_px: f64,
     /// Fraction of the comparisons that did not count, being outliers.
     pub outlier_fraction: f64,
-    /// Number of neighbouring depths that count as one, being correlated.
-    pub depth_correlation: f64,
-    /// Number of neighbouring silhouette lines that count as one, being correlated.
-    pub silhouette_correlation: f64,
 }
 
 /// Rows of each camera in [`Calibration::covariance`].

@@ -28,6 +28,10 @@ pub const OF_CAMERA: usize = 12;
 pub const FIRST_NUISANCE: usize = 6;
 /// Index of the time offset among a camera's parameters.
 pub const TIME_OFFSET: usize = 7;
+/// Standard deviation of the scale of a camera's depths.
+pub const SCALE_SD: f64 = 0.02;
+/// Standard deviation of the time between the clocks of a camera and the arm, in seconds.
+pub const TIME_OFFSET_SD_S: f64 = 0.02;
 /// Standard deviations of growth, its rise with the slope, loss over the predicted one, and growth that is
 /// lost with the last pixel, in pixels.
 const GROWTH_SD: [f64; 4] = [3.0, 3.0, 1.0, 1.0];
@@ -54,14 +58,14 @@ pub struct CameraState {
 }
 
 impl CameraState {
-    pub fn time_offset_s(&self, config: &Config) -> f64 {
-        self.nuisance[1] * config.time_offset_sd_s
+    pub fn time_offset_s(&self) -> f64 {
+        self.nuisance[1] * TIME_OFFSET_SD_S
     }
 
     /// Correction of a measurement's prediction beyond its rendering, but for what an image's pixels have in
     /// common.
-    pub fn correction(&self, it: &Measurement, config: &Config) -> f64 {
-        nuisance_columns(it, config).iter().zip(&self.nuisance).map(|(column, value)| column * value).sum()
+    pub fn correction(&self, it: &Measurement) -> f64 {
+        nuisance_columns(it).iter().zip(&self.nuisance).map(|(column, value)| column * value).sum()
     }
 }
 
@@ -235,7 +239,7 @@ impl<'a> PosedArm<'a> {
 
     /// The derivatives of a measurement by the parameters: those of its camera, those in common, and at last
     /// what its image's pixels have in common, whose standard deviation is `offset_sd`.
-    pub fn row(&self, row: &mut Row, it: &Measurement, camera: &CameraState, offset_sd: f64, config: &Config) {
+    pub fn row(&self, row: &mut Row, it: &Measurement, camera: &CameraState, offset_sd: f64) {
         row.clear();
         let mut add = |at: usize, entry: f64| {
             if entry != 0.0 {
@@ -261,9 +265,9 @@ impl<'a> PosedArm<'a> {
         let turning = it.p_C.cross(&it.gradient_C);
         (0..3).for_each(|axis| add(axis, -turning[axis]));
         (0..3).for_each(|axis| add(axis + 3, -it.gradient_C[axis]));
-        for (i, column) in nuisance_columns(it, config).into_iter().enumerate() {
+        for (i, column) in nuisance_columns(it).into_iter().enumerate() {
             let is_time = FIRST_NUISANCE + i == TIME_OFFSET;
-            add(FIRST_NUISANCE + i, if is_time { by_time * config.time_offset_sd_s } else { column });
+            add(FIRST_NUISANCE + i, if is_time { by_time * TIME_OFFSET_SD_S } else { column });
         }
         let is_gripper = it.part == SurfacePart::Gripper;
         let gradient_G = self.X_WG.rotation.inverse() * gradient_W;
@@ -287,10 +291,10 @@ impl<'a> PosedArm<'a> {
 }
 
 /// Columns of scale, time offset (left out), growth, its rise with the slope, loss, and loss of growth.
-fn nuisance_columns(it: &Measurement, config: &Config) -> [f64; OF_CAMERA - FIRST_NUISANCE] {
+fn nuisance_columns(it: &Measurement) -> [f64; OF_CAMERA - FIRST_NUISANCE] {
     match it.quantity {
         // 1/z of a depth that is measured 1 + s times as large.
-        Quantity::InverseDepth => [-it.predicted * config.scale_sd, 0.0, 0.0, 0.0, 0.0, 0.0],
+        Quantity::InverseDepth => [-it.predicted * SCALE_SD, 0.0, 0.0, 0.0, 0.0, 0.0],
         Quantity::ShownPixels { slope, grazing_px, grazing_edge, .. } => {
             let [growth, rise, loss, growth_loss] = GROWTH_SD;
             [0.0, 0.0, growth, rise * slope, -loss * grazing_px, -growth_loss * grazing_edge]

@@ -140,7 +140,7 @@ fn information(
     let offset_sd = config.inverse_depth_sd_per_m * (config.common_fraction / images).sqrt();
     let by = f64::from(SMALLER);
     for it in &found {
-        posed.row(&mut row, it, &state, offset_sd, config);
+        posed.row(&mut row, it, &state, offset_sd);
         // One pixel stands for all of those that it covers, one line for as many, and a pixel along it for as
         // many.
         let weight = if it.is_depth() {

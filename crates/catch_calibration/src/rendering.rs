@@ -64,23 +64,20 @@ impl<'a> Rendering<'a> {
     }
 
     /// Nearest intersection of the ray through image coordinates.
-    pub fn hit_at(&self, u_px: f64, v_px: f64) -> Option<Hit> {
-        let uv = Point2::new(u_px, v_px);
-        let pixel = PixelWindow { left: u_px as u32, top: v_px as u32, width: 1, height: 1 };
+    pub fn hit_at(&self, uv: &Point2<f64>) -> Option<Hit> {
+        let pixel = PixelWindow { left: uv.x as u32, top: uv.y as u32, width: 1, height: 1 };
         let may_show =
             |(_, (_, body)): &(usize, &(SurfacePart, Sight<'_>))| body.window().intersection(&pixel).area() > 0;
         let shown = self.bodies.iter().enumerate().filter(may_show);
         let nearest = shown.fold(None, |nearest: Option<(usize, ray_cast::Hit)>, (number, (_, body))| {
             let limit_m = nearest.map_or(f64::INFINITY, |(_, hit)| hit.t);
-            body.at(&uv, limit_m).map(|hit| (number, hit)).or(nearest)
+            body.at(uv, limit_m).map(|hit| (number, hit)).or(nearest)
         });
-        nearest.map(|nearest| self.hit(&uv, nearest))
+        nearest.map(|nearest| self.hit(uv, nearest))
     }
 
-    /// Intersection of the pixel in a column and row of the window; none outside of it.
-    pub fn at(&self, column: i64, row: i64) -> Option<&Hit> {
-        let inside =
-            column >= 0 && row >= 0 && column < i64::from(self.window.width) && row < i64::from(self.window.height);
-        if inside { self.hits[(row * i64::from(self.window.width) + column) as usize].as_ref() } else { None }
+    /// Intersection of the pixel in a column and row of the window.
+    pub fn at(&self, [column, row]: [usize; 2]) -> Option<&Hit> {
+        self.hits[row * self.window.width as usize + column].as_ref()
     }
 }

@@ -9,6 +9,8 @@ use super::{
 };
 use catch_bot::trajectory_optimization::MotionPlanner;
 
+/// Time for which the arm settles in each pose before the images, in seconds.
+const SETTLING_S: f64 = 0.25;
 /// A motion that is not executed so long after it should be was lost, in seconds.
 const OVERDUE_S: f64 = 0.5;
 /// Longest time that images may be under way, in seconds.
@@ -129,7 +131,7 @@ impl Brain for CalibrationRun {
                 if is_lost {
                     return self.depart(observation);
                 }
-                if now_s > end_s + self.config.settling_s {
+                if now_s > end_s + SETTLING_S {
                     (self.next_pose, self.tries) = (self.next_pose + 1, 0);
                     self.phase = Phase::Looking { from_s: now_s, images: 0 };
                     return Command { windows: Some(self.full.clone()), ..Command::default() };

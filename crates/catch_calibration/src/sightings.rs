@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use catch_body::{Twist, kinematics::LinkPoses, ray_cast::ArmSurface};
+use catch_body::{Twist, kinematics::LinkPoses};
 use catch_bot::{
     Preparation,
     perception::{ObjectPose, PoseEstimator, Prior, SdfEstimator, Surroundings, View},
@@ -38,7 +38,6 @@ const GONE_S: f64 = 0.3;
 #[derive(Debug)]
 pub struct FlightRun {
     known: Arc<Preparation>,
-    surface: ArmSurface,
     time_offsets_s: Vec<f64>,
     /// Cameras whose calibration did not converge.
     left_out: Vec<bool>,
@@ -58,9 +57,7 @@ impl FlightRun {
     /// `known` has the object, and the cameras as they are calibrated; `calibration` what is to be added to
     /// their time stamps. It ends after `duration_s`, or when the object has hit something or is gone.
     pub fn new(known: Arc<Preparation>, calibration: &Calibration, duration_s: f64) -> Self {
-        let motion = &known.search.motion;
         Self {
-            surface: ArmSurface::new(&motion.robot, &motion.gripper),
             time_offsets_s: calibration.cameras.iter().map(|it| it.time_offset_s).collect(),
             left_out: calibration.cameras.iter().map(|it| it.status != CalibrationStatus::Converged).collect(),
             duration_s,
@@ -96,9 +93,8 @@ impl FlightRun {
             Some((robot.link_poses(&sample.q), sample.width_m))
         };
         let Some(arm) = frames.iter().map(arm_at).collect::<Option<Vec<(LinkPoses, f64)>>>() else { return };
-        let surface = &self.surface;
         let surroundings: Vec<_> =
-            arm.into_iter().map(|(X_WL, width_m)| Surroundings { arm: surface, X_WL, width_m }).collect();
+            arm.into_iter().map(|(X_WL, width_m)| Surroundings { arm: &known.arm_surface, X_WL, width_m }).collect();
         let mut view = View {
             frames,
             cameras: &known.cameras,

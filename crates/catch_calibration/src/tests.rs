@@ -12,7 +12,7 @@ use super::{
     depths,
     measurement::Measurement,
     normal_equations::Row,
-    parameters::{CameraState, FIRST_NUISANCE, OF_CAMERA, Patch, PosedArm, Shared, TIME_OFFSET},
+    parameters::{CameraState, FIRST_NUISANCE, OF_CAMERA, Patch, PosedArm, Shared, TIME_OFFSET, TIME_OFFSET_SD_S},
     rendering::Rendering,
     silhouettes,
 };
@@ -47,7 +47,6 @@ impl World {
             link_sd_m: Some(0.001),
             mount_sd_m: 0.001,
             mount_sd_rad: 0.01,
-            time_offset_sd_s: 0.01,
             ..Config::default()
         };
         let X_WC = look_at(&Point3::new(1.8, -0.7, 1.3), &Point3::new(0.3, 0.1, 0.6));
@@ -90,7 +89,7 @@ impl World {
         match parameter {
             0..=2 => world.camera.X_WC *= moved(&Vector3::zeros(), &(Vector3::ith(parameter, by))),
             3..=5 => world.camera.X_WC *= moved(&Vector3::ith(parameter - 3, by), &Vector3::zeros()),
-            TIME_OFFSET => world.sample.q += self.sample.dq * (by * self.config.time_offset_sd_s),
+            TIME_OFFSET => world.sample.q += self.sample.dq * (by * TIME_OFFSET_SD_S),
             _ => world.shared.values[parameter - OF_CAMERA] += by,
         }
         world
@@ -132,7 +131,7 @@ fn derivatives_are_those_of_the_renderings() {
             let mut row = Row::new();
             for it in measured.iter().filter(|it| it.is_depth() == depths) {
                 let (Some(after), Some(before)) = (after.get(&key(it)), before.get(&key(it))) else { continue };
-                posed.row(&mut row, it, &state, 0.0, &world.config);
+                posed.row(&mut row, it, &state, 0.0);
                 errors.push(((after - before) / (2.0 * step) - entry(&row, parameter)).abs());
                 sizes.push(entry(&row, parameter).abs());
             }
@@ -160,7 +159,7 @@ fn patches_count_as_their_links_do() {
     let posed = world.posed();
     let (mut row, mut checked) = (Row::new(), 0);
     for it in &measured {
-        posed.row(&mut row, it, &state, 0.0, &world.config);
+        posed.row(&mut row, it, &state, 0.0);
         let of_patches: Vec<f64> =
             row.iter().filter(|(at, _)| *at >= OF_CAMERA + others).map(|(_, entry)| *entry).collect();
         let correction = posed.patch_correction(it, posed.patch(it, &state.X_WC));

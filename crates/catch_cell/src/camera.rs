@@ -203,3 +203,23 @@ impl ReferenceScan {
         !self.frames.iter().flat_map(|frame| &frame.depth_m).any(|depth| depth.is_finite())
     }
 }
+
+/// Values that `pick` chooses for each pixel of an image, `wide` pixels wide, among all within `reach` rows
+/// and columns.
+pub fn among_neighbours<T: Copy>(values: &[T], wide: usize, reach: usize, pick: impl Fn(T, T) -> T) -> Vec<T> {
+    let merge =
+        |into: &mut [T], from: &[T]| into.iter_mut().zip(from).for_each(|(into, from)| *into = pick(*into, *from));
+    let mut in_rows = values.to_vec();
+    for (into, from) in in_rows.chunks_mut(wide.max(1)).zip(values.chunks(wide.max(1))) {
+        for apart in 1..=reach.min(wide) {
+            merge(&mut into[apart..], from);
+            merge(into, &from[apart..]);
+        }
+    }
+    let mut all = in_rows.clone();
+    for apart in (1..=reach).map(|rows| rows * wide).take_while(|apart| *apart < values.len()) {
+        merge(&mut all[apart..], &in_rows);
+        merge(&mut all, &in_rows[apart..]);
+    }
+    all
+}

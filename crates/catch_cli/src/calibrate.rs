@@ -10,7 +10,7 @@ use catch_body::{
 };
 use catch_calibration::{
     CalibrationStatus, CameraCalibration, Config, calibrate,
-    flights::{FlightSettings, FlightStatus, Refinement, refine},
+    flights::{FlightStatus, Refinement, refine},
     overlay::overlays,
 };
 use catch_cell::{CameraModel, rig_to_toml};
@@ -19,14 +19,17 @@ use catch_lab::scenario::setup::{
     Choice, Setup,
     calibration::{self, ArenaSession, CalibratedCameras, calibrated_cameras},
 };
-use catch_recording::whole_file::{self, COMMAND_LINE, check_new, unfinished_folder, write_new};
+use catch_recording::{
+    name_of,
+    whole_file::{self, COMMAND_LINE, check_new, unfinished_folder, write_new},
+};
 use catch_view::pages::calibration_page::{self, CameraSection};
 use clap::Args;
 use serde::Serialize;
 
 use self::places::Places;
 use super::{ChoiceArguments, MOST, OutputArguments, between, whole};
-use crate::screen::{self, BAD, GOOD, name_of};
+use crate::screen::{self, BAD, GOOD};
 
 /// Images of each camera on the page.
 const PAGE_IMAGES: usize = 2;
@@ -161,7 +164,7 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     bar.set_message(format!("{} throws are seen", arguments.flights));
     let scene = (arguments.seed, 0);
     let flights = calibration::observe_flights(&setup, &found, &setup.cameras, arguments.flights as usize, scene);
-    let refinement = refine(&found, &flights, &FlightSettings::default());
+    let refinement = refine(&found, &flights);
     bar.finish_and_clear();
     let flights = (arguments.flights > 0).then(|| flights_document(&refinement));
     let found = refinement.calibration;

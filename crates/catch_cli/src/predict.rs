@@ -10,7 +10,7 @@ use catch_lab::flights::{
     stretches::axis,
     track_file,
 };
-use catch_recording::whole_file::COMMAND_LINE;
+use catch_recording::{name_of, whole_file::COMMAND_LINE};
 use clap::{Args, ValueEnum};
 use nalgebra::{Unit, Vector3};
 use serde::Serialize;
@@ -180,7 +180,7 @@ impl Prediction {
 }
 
 fn print(document: &Document) -> std::io::Result<()> {
-    screen::fact("status", &screen::name_of(document.status))?;
+    screen::fact("status", &name_of(document.status))?;
     if let Some(contact_s) = document.contact_s {
         screen::fact(
             "contact",

@@ -7,7 +7,7 @@ use catch_import::{
     cloud_file,
     cloud_registration::{self, RegistrationStatus},
 };
-use catch_recording::whole_file::COMMAND_LINE;
+use catch_recording::{name_of, whole_file::COMMAND_LINE};
 use clap::Args;
 use serde::Serialize;
 
@@ -86,7 +86,7 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
     if arguments.json {
         return screen::document(&document);
     }
-    screen::fact("status", &screen::name_of(found.status))?;
+    screen::fact("status", &name_of(found.status))?;
     screen::fact("points", &document.points.to_string())?;
     screen::fact("symmetry of the object", found.symmetry)?;
     if found.status == RegistrationStatus::Degenerate {

@@ -126,11 +126,6 @@ pub fn document(result: &impl Serialize) -> anyhow::Result<()> {
     json(&Document { version: VERSION, result })
 }
 
-/// A serialized name, such as that of a status.
-pub fn name_of(value: impl Serialize) -> String {
-    serde_json::to_value(value).ok().and_then(|it| it.as_str().map(str::to_owned)).unwrap_or_default()
-}
-
 /// A table with headings, whose columns in the range `numbers` stand to the right.
 pub fn table<T: Into<Cell>>(headings: impl IntoIterator<Item = T>, numbers: Range<usize>) -> Table {
     let mut table = Table::new();

@@ -2,23 +2,21 @@
 //! worth, and the same method under the arm's real limits.
 
 use anyhow::{Context, Result};
-use catch_body::statistics::paired95;
 use catch_lab::{
     assets::Kind,
     evaluation::published::published_rates,
-    parallel,
-    referee::{self, Measures, Verdict},
+    referee::{Measures, Verdict},
     scenario::setup::{Choice, Setup},
-    trial,
 };
 use catch_recording::brain::Method;
 use catch_sim::Throw;
 use serde::Deserialize;
 
 use crate::{
-    Findings, Options,
+    Options,
+    rates::judged,
     results::{Entry, Table},
-    spread::{median, rate},
+    spread::{gained, median, rate},
 };
 
 /// The scenario of the published code.
@@ -27,15 +25,6 @@ const SCENARIO: &str = "as-published";
 const TRIALS_PER_STEP_TRIAL: usize = 7;
 /// One trial around the throws for so many of a cell of Table I.
 const TRIALS_PER_TRIAL_AROUND: usize = 3;
-
-const LEGEND: &str = "At 0.875 s the object is less than *5 cm* or *2.5 cm* from the gripper along its z axis, as the authors' code and the paper's \
-text count. The object is *held* if it is squeezed 0.4 s later. It is *caught* by this project's rule without its condition on limits. Rates stand before \
-their interval of 95 % (Wilson, as if each trial were a draw of its own). The *rerun* is that of the authors' code, by the first three measures. \
-How hard the arm is driven is in medians. Trials *around* the throws of Table I, up to 5 mm from them, have images of their own. \
-On single throws a cell is about one draw of a grasp ([why](../explanation/the-papers-method.md#how-near-table-i-comes)).
-
-The assumptions' worth is measured around the throws, with the same throws in each line. Each line takes one assumption away. Its \
-*change* is in points, with the 95 % interval of a paired difference (Agresti and Min).";
 
 /// An assumption of the published code.
 #[derive(Deserialize)]
@@ -98,7 +87,7 @@ fn thrown_around(setup: &Setup, throw: &str) -> Result<Setup> {
 }
 
 /// Table I, the same under the arm's limits, and what each assumption was worth.
-pub fn run(options: &Options) -> Result<Findings> {
+pub fn run(options: &Options) -> Result<Vec<Table>> {
     let rerun: Rerun = toml::from_str(include_str!("rerun.toml")).context("rerun.toml")?;
     let count = options.trials as usize;
     let mut tables = Vec::new();
@@ -122,7 +111,7 @@ pub fn run(options: &Options) -> Result<Findings> {
                 ..Choice::default()
             };
             let setup = cell.thrown(Setup::load(&choice)?)?;
-            let verdicts = verdicts(&setup, options.seed, count)?;
+            let verdicts = judged(&setup, options.seed, 0..count as u64, |_, verdict| verdict);
             let published =
                 published_rates().into_iter().find(|rate| rate.object == cell.object && rate.throw == cell.throw);
             let published = Entry::Number(published.map(|rate| rate.caught * 100.0));
@@ -142,7 +131,7 @@ pub fn run(options: &Options) -> Result<Findings> {
         tables.push(table);
     }
     tables.push(prices(options, count.div_ceil(TRIALS_PER_STEP_TRIAL))?);
-    Ok(Findings { legend: LEGEND.to_owned(), tables })
+    Ok(tables)
 }
 
 /// Table of the change that each assumption makes, around the throws.
@@ -170,7 +159,7 @@ fn verdicts_around(settings: &[String], seed: u64, count: usize) -> Result<Vec<V
             let (scenario, object, throw) = (Some(SCENARIO), Some(object), Some(throw));
             let setup = Setup::load(&Choice { scenario, object, throw, settings, ..Choice::default() })?;
             let around = thrown_around(&setup, &format!("around_{}", setup.scenario.throw))?;
-            all.extend(verdicts(&around, seed, count)?);
+            all.extend(judged(&around, seed, 0..count as u64, |_, verdict| verdict));
         }
     }
     Ok(all)
@@ -179,22 +168,10 @@ fn verdicts_around(settings: &[String], seed: u64, count: usize) -> Result<Vec<V
 /// Differences of what is within 5 cm and of what is held of the same throws, in points.
 fn changes(before: &[Verdict], after: &[Verdict]) -> [Entry; 2] {
     [MEASURES[0], MEASURES[2]].map(|counts| {
-        let pairs = || before.iter().zip(after).map(|(before, after)| (counts(before), counts(after)));
-        let gained = pairs().filter(|pair| *pair == (false, true)).count();
-        let lost = pairs().filter(|pair| *pair == (true, false)).count();
-        let [low, high] = paired95(gained, lost, before.len()).map(|it| 100.0 * it);
-        let by = 100.0 * (gained as f64 - lost as f64) / before.len().max(1) as f64;
+        let pairs = before.iter().zip(after).map(|(before, after)| (counts(before), counts(after)));
+        let [by, low, high] = gained(&pairs.collect::<Vec<_>>());
         Entry::text(format!("{by:+.0} ({low:+.0}…{high:+.0})"))
     })
-}
-
-fn verdicts(setup: &Setup, seed: u64, count: usize) -> Result<Vec<Verdict>> {
-    setup.prepare();
-    let verdicts = parallel::map(count, |index| {
-        let trial = trial::run(setup, seed, index as u64, &mut |_, _| Ok(()));
-        trial.map(|trial| referee::judge(setup, &trial))
-    });
-    Ok(verdicts.into_iter().collect::<Result<_, _>>()?)
 }
 
 /// Within 5 cm, within 2.5 cm, held, caught.

@@ -18,7 +18,7 @@ use catch_sim::random_streams::{Draws, Stream};
 use nalgebra::{UnitQuaternion, Vector6};
 
 use crate::{
-    Findings, Options, perception,
+    Options, perception,
     results::{Entry, Table},
     spread::{median, percent, spread},
 };
@@ -35,13 +35,6 @@ const SURFACE_SD_M: f64 = 0.001;
 const ZERO_SD_DEG: f64 = 0.03;
 /// Quantile of the squared Mahalanobis distance with six degrees of freedom that covers 95 %.
 const COVERS_95: f64 = 12.592;
-
-const LEGEND: &str = "The rigs are d435_2 to d435_4 with the noise of `near_stereo`, arm and encoders those of `honest`. \
-Each camera is believed to stand 50 mm and 5° from where it does, and its clock is up to 10 ms off. Where surfaces are off, each link is thicker or thinner \
-than its model by a normal deviation of 1 mm, and has two covers of up to 80 mm that rise up to 15 mm. Errors are medians over cameras, with 95 % quantiles \
-in brackets. *Coverage*: cameras within the claimed 95 % ellipsoid. *Claimed*: median of the root of the variances' sum. Cameras that say that they did not \
-converge are left out. Twenty flights of the tennis ball then refine the first eight draws. *Apart*: distance between two cameras' views of the gripper in \
-its ready pose. The *tilt* of the world against gravity is zero in truth, and believed to be within 0.05°.";
 
 /// A condition: which rig, and what is wrong with it.
 #[derive(Clone, Copy)]
@@ -96,7 +89,7 @@ struct Outcome {
 type Drawn = (f64, Vec<(Vec<Outcome>, Option<flights::Refined>)>);
 
 /// Cameras by what is wrong.
-pub fn run(options: &Options) -> Result<Findings> {
+pub fn run(options: &Options) -> Result<Vec<Table>> {
     let mut table = Table::new("Cameras calibrated on the arm", &[]);
     let mut refined = Table::new("Refined by 20 flights", &[]);
     for conditions in CONDITIONS {
@@ -116,8 +109,7 @@ pub fn run(options: &Options) -> Result<Findings> {
         Entry::Count(cameras) => cameras,
         _ => 0,
     });
-    let tables = vec![table, refined, perception::table(options)?];
-    Ok(Findings { legend: [LEGEND, perception::LEGEND].concat(), tables })
+    Ok(vec![table, refined, perception::table(options)?])
 }
 
 fn row(condition: Condition, times: &[f64], cameras: &[&Outcome]) -> [(&'static str, Entry); 11] {

@@ -1,17 +1,15 @@
 //! Experiments: what is measured and asserted by no test, written to `docs/results/`.
 //!
 //! `cargo run --release -p catch_experiments -- NAME [--seed S] [--trials N]` runs one in the arena, with the
-//! arena's own cameras, and writes `docs/results/NAME.md` and `docs/results/NAME.json`; `list` lists them.
+//! arena's own cameras, and writes `docs/results/NAME.md` and `docs/results/NAME.json`; `--help` lists them.
 
 mod as_published;
 mod calibration;
 mod cameras;
-mod catch_rates;
-mod flights;
-mod grippers_and_arms;
 mod kept;
 mod mistold;
 mod objects;
+mod pages;
 mod peers;
 mod perception;
 mod rates;
@@ -20,9 +18,9 @@ mod reliability;
 mod results;
 mod spread;
 
-use std::{collections::BTreeSet, path::PathBuf};
+use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::{Parser, ValueEnum};
 
 use results::Table;
@@ -34,27 +32,10 @@ pub struct Options {
     pub seed: u64,
     /// Trials per condition.
     pub trials: u64,
-    /// Folders of recorded tracks, of one object each.
-    pub tracks: Vec<PathBuf>,
 }
 
-impl Options {
-    /// The folders of recorded tracks, without which an experiment is none.
-    fn tracks(&self, experiment: &str) -> Result<&[PathBuf]> {
-        if self.tracks.is_empty() {
-            bail!("--tracks: found nothing, expected a folder of recorded tracks for {experiment}, once or more");
-        }
-        Ok(&self.tracks)
-    }
-}
-
-/// Results of an experiment.
-pub struct Findings {
-    /// Meaning of the columns, as Markdown.
-    pub legend: String,
-    /// The figures.
-    pub tables: Vec<Table>,
-}
+/// What measures the tables of an experiment.
+type Run = fn(&Options) -> Result<Vec<Table>>;
 
 /// An experiment; what is said of it is its description in one line.
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -73,13 +54,13 @@ enum Experiment {
     Mistold,
     /// how many positions lie in the ellipsoids that predictions claim
     Reliability,
-    /// recorded throws, which --tracks names: predictions of their ends, and what is caught of them
-    Flights,
     /// Table I by the paper's own method, what each of its assumptions was worth, and the method under the
     /// arm's limits
     AsPublished,
     /// other libraries at the same work, which benches/peers/run installs
     Peers,
+    /// no experiment: brings the table of README up to date with the pages
+    Readme,
 }
 
 impl Experiment {
@@ -89,67 +70,58 @@ impl Experiment {
         (value.get_name().to_owned(), value.get_help().map(ToString::to_string).unwrap_or_default())
     }
 
-    /// Trials per condition unless told otherwise, and what measures.
-    fn plan(self) -> (u64, fn(&Options) -> Result<Findings>) {
-        match self {
-            Self::CatchRates => (400, catch_rates::run),
-            Self::Objects => (100, objects::run),
-            Self::GrippersAndArms => (100, grippers_and_arms::run),
-            Self::Cameras => (200, cameras::run),
-            Self::CalibrationAndPerception => (20, calibration::run),
-            Self::Mistold => (60, mistold::run),
-            Self::Reliability => (60, reliability::run),
-            Self::Flights => (60, flights::run),
-            Self::AsPublished => (57, as_published::run),
-            Self::Peers => (50, peers::run),
-        }
+    /// Trials per condition unless told otherwise, meaning of the columns, and what measures.
+    fn plan(self) -> Option<(u64, &'static str, Run)> {
+        Some(match self {
+            Self::CatchRates => {
+                (400, include_str!("legends/catch-rates.md"), |it| pages::run(include_str!("catch_rates.toml"), it))
+            }
+            Self::Objects => (100, include_str!("legends/objects.md"), objects::run),
+            Self::GrippersAndArms => (100, include_str!("legends/grippers-and-arms.md"), |it| {
+                pages::run(include_str!("grippers_and_arms.toml"), it)
+            }),
+            Self::Cameras => (200, include_str!("legends/cameras.md"), cameras::run),
+            Self::CalibrationAndPerception => {
+                (20, include_str!("legends/calibration-and-perception.md"), calibration::run)
+            }
+            Self::Mistold => (60, include_str!("legends/mistold.md"), mistold::run),
+            Self::Reliability => (60, include_str!("legends/reliability.md"), reliability::run),
+            Self::AsPublished => (57, include_str!("legends/as-published.md"), as_published::run),
+            Self::Peers => (50, include_str!("legends/peers.md"), peers::run),
+            Self::Readme => return None,
+        })
     }
 }
 
 #[derive(Debug, Parser)]
-#[command(about = "Measures and writes docs/results/NAME.md and NAME.json; `list` lists the experiments")]
+#[command(about = "Measures and writes docs/results/NAME.md and NAME.json")]
 struct Arguments {
-    /// Name of an experiment, `list`, or `readme` to bring its table up to date with the pages.
-    name: String,
+    /// What is measured.
+    #[arg(value_name = "NAME")]
+    experiment: Experiment,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Trials per condition instead of the experiment's own number.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     trials: Option<u64>,
-    /// Folder of recorded tracks of one object; may be repeated.
-    #[arg(long, value_name = "DIR")]
-    tracks: Vec<PathBuf>,
     /// Folder of the results.
     #[arg(long, default_value = "docs/results")]
     out: PathBuf,
 }
 
-#[expect(clippy::print_stdout, reason = "the list and where the results are is what was asked for")]
+#[expect(clippy::print_stdout, reason = "where the results are is what was asked for")]
 fn main() -> Result<()> {
-    let Arguments { name, seed, trials, tracks, out } = Arguments::parse();
-    if name == "list" {
-        for experiment in Experiment::value_variants() {
-            let ((name, about), (trials, _)) = (experiment.said(), experiment.plan());
-            println!("{name:15} {about} ({trials} trials per condition)");
-        }
-        return Ok(());
-    }
-    if name == "readme" {
-        return readme::update(&out);
-    }
-    let Ok(experiment) = Experiment::from_str(&name, false) else {
-        let names: BTreeSet<String> = Experiment::value_variants().iter().map(|it| it.said().0).collect();
-        bail!("there is no experiment `{name}`; expected `list`, `readme` or one of {names:?}");
-    };
-    let ((_, about), (usual, run)) = (experiment.said(), experiment.plan());
-    let options = Options { seed, trials: trials.unwrap_or(usual), tracks };
+    let Arguments { experiment, seed, trials, out } = Arguments::parse();
+    let Some((usual, legend, run)) = experiment.plan() else { return readme::update(&out) };
+    let (name, about) = experiment.said();
+    let options = Options { seed, trials: trials.unwrap_or(usual) };
     if results::is_of_today(&out, &name, &options) {
         println!("{name}: measured already; without {name}.json it is measured anew");
         return Ok(());
     }
-    let findings = run(&options).with_context(|| format!("experiment {name}"))?;
-    let path = results::write(&out, &name, &about, &options, &findings)?;
+    let tables = run(&options).with_context(|| format!("experiment {name}"))?;
+    let path = results::write(&out, [&name, &about, legend], &options, &tables)?;
     println!("{}", path.display());
     Ok(())
 }

@@ -3,27 +3,16 @@
 
 use anyhow::Result;
 use catch_body::TriangleMesh;
-use catch_body::statistics::paired95;
 use catch_cell::reference_scan;
-use catch_lab::{
-    assets::Kind,
-    parallel, referee,
-    scenario::setup::{Choice, Setup},
-    trial,
-};
+use catch_lab::{assets::Kind, scenario::setup::Setup};
 use nalgebra::Vector3;
 
 use crate::{
-    Findings, Options, kept,
+    Options, kept,
+    rates::{self, judged},
     results::{Entry, Table},
-    spread::percent,
+    spread::{gained, percent},
 };
-
-const LEGEND: &str = "\
-One belief of the brain is wrong at a time. The world is the same, and so is each throw. Cells have the rate \
-with the wrong belief less the right one's, in points: of each object, then of all before the interval of 95 % for pairs. The scan's every extent is off in *size*. The *centre of \
-mass* of the object is beside that of uniform density, which the brain expects: this row alone changes the world. Parts of a run that was ended are kept in \
-`target/mistold`.";
 
 /// Parts of the throws that are evaluated and kept together.
 const PART: u64 = 10;
@@ -62,7 +51,7 @@ const BELIEFS: &[(&str, Values, Change)] = &[
 const SCENARIOS: [&str; 2] = ["honest", "lab"];
 
 /// Every object and belief in them.
-pub fn run(options: &Options) -> Result<Findings> {
+pub fn run(options: &Options) -> Result<Vec<Table>> {
     let objects = Kind::Object.names();
     let mut rates =
         Table::new("Caught with right beliefs", &["scenario", "object", "throws", "caught, %"]).across("object");
@@ -86,15 +75,15 @@ pub fn run(options: &Options) -> Result<Findings> {
                     let wrong =
                         Case { scenario, object, belief, value }.caught(options, &|setup| change(setup, *amount))?;
                     let of_object: Vec<(bool, bool)> = right.iter().copied().zip(wrong).collect();
-                    row.push(Entry::Number(Some(difference(&of_object)[0])));
+                    row.push(Entry::Number(Some(gained(&of_object)[0])));
                     pairs.extend(of_object);
                 }
-                row.push(Entry::Spread(difference(&pairs).into()));
+                row.push(Entry::Spread(gained(&pairs).into()));
                 costs.rows.push(row);
             }
         }
     }
-    Ok(Findings { legend: LEGEND.to_owned(), tables: vec![rates, costs] })
+    Ok(vec![rates, costs])
 }
 
 /// Throws of one object with one belief.
@@ -109,33 +98,18 @@ impl Case<'_> {
     /// Returns which throws are caught, of those kept by an earlier run or thrown now.
     fn caught(&self, options: &Options, change: &dyn Fn(&mut Setup)) -> Result<Vec<bool>> {
         let &Options { seed, trials, .. } = options;
-        let mut setup =
-            Setup::load(&Choice { scenario: Some(self.scenario), object: Some(self.object), ..Choice::default() })?;
+        let mut setup = rates::setup(self.scenario, self.object)?;
         change(&mut setup);
         let mut caught: Vec<bool> = Vec::new();
         for first in (0..trials).step_by(PART as usize) {
             let count = PART.min(trials - first);
             let Self { scenario, object, belief, value } = self;
             let name = format!("{scenario}-{object}-{belief}-{value}-{seed}-{first}-{count}");
-            caught.extend(kept::part("mistold", &name, || {
-                setup.prepare();
-                Ok(parallel::map(count as usize, |i| {
-                    let index = first + i as u64;
-                    let trial = trial::run_unobserved(&mut setup.brain(seed, index), &setup, seed, index);
-                    referee::judge(&setup, &trial).caught
-                }))
-            })?);
+            let thrown = || Ok(judged(&setup, seed, first..first + count, |_, verdict| verdict.caught));
+            caught.extend(kept::part("mistold", &name, thrown)?);
         }
         Ok(caught)
     }
-}
-
-/// Points by which the second of each pair is more often caught, and their interval.
-fn difference(pairs: &[(bool, bool)]) -> [f64; 3] {
-    let count = |pair| pairs.iter().filter(|it| **it == pair).count();
-    let (gained, lost) = (count((false, true)), count((true, false)));
-    let [from, to] = paired95(gained, lost, pairs.len());
-    [(gained as f64 - lost as f64) / pairs.len().max(1) as f64, from, to].map(|it| 100.0 * it)
 }
 
 fn each_sheet(setup: &mut Setup, change: impl Fn(&mut catch_cell::DataSheet)) {
@@ -175,6 +149,8 @@ fn scan(setup: &mut Setup, mesh: &TriangleMesh) {
 
 #[cfg(test)]
 mod tests {
+    use catch_lab::scenario::setup::Choice;
+
     use super::*;
 
     #[test]
@@ -205,12 +181,5 @@ mod tests {
         assert!((ratio - 68.2 / 67.2).abs() < 1e-3, "{ratio}");
         move_centre_of_mass(&mut setup, 0.005);
         assert!((setup.object.mesh.mass_properties(1.0).com.coords.norm() - 0.005).abs() < 1e-4);
-    }
-
-    #[test]
-    fn what_is_gained_and_lost_makes_the_difference() {
-        let pairs = [(true, true), (true, false), (false, true), (false, false), (true, false)];
-        let [points, from, to] = difference(&pairs);
-        assert!((points + 20.0).abs() < 1e-9 && from < points && points < to, "{points} ({from} to {to})");
     }
 }

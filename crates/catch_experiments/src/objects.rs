@@ -12,16 +12,15 @@ use anyhow::{Context, Result, bail};
 use catch_bot::perception::Symmetry;
 use catch_import::object_import::{ImportOptions, ImportedObject};
 use catch_lab::{
-    parallel,
-    referee::{self, Verdict, reason::Reason},
-    scenario::setup::{Choice, Setup},
-    trial::{self, Trial},
+    referee::{Verdict, reason::Reason},
+    scenario::setup::Setup,
+    trial::Trial,
 };
 use serde::Deserialize;
 
 use crate::{
-    Findings, Options,
-    rates::{self, misses},
+    Options,
+    rates::{self, judged, misses},
     results::{Entry, Table},
     spread::{percent, rate},
 };
@@ -39,7 +38,6 @@ struct Listed {
     objects: Vec<String>,
     /// Objects that are counted together as well, by their names.
     groups: BTreeMap<String, Vec<String>>,
-    pair: Vec<Pair>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -48,23 +46,8 @@ struct Collection {
     address: String,
 }
 
-/// A mesh, and the built-in object that stands for it.
-#[derive(Debug, Deserialize)]
-struct Pair {
-    mesh: String,
-    built_in: String,
-}
-
-const LEGEND: &str = "`git clone` fetches public collections to `target/objects` unless they are there. Each object is imported as \
-`catchingbot object import` does it, with no option. Volume and centre of mass tell how the brain's model, made from a scan, differs from \
-the mesh at uniform density. A spin is wrong if the predicted angular velocity is off by more than 3 rad/s after 150 ms in view; objects \
-with an axis of symmetry are left out. No setting was chosen on these objects: the first ten are of many kinds, the others were drawn at random from 21 \
-kinds of pybullet-URDF-models that a hand can hold. Each object has throws of its own, since some throws are hard for any object: the seed \
-is counted up. Rates are of all throws. The last table has the meshes of the published \
-project beside the built-in objects, thrown alike, with the interval of 95 % of a paired difference.";
-
 /// Imports, and throws of the listed objects.
-pub fn run(options: &Options) -> Result<Findings> {
+pub fn run(options: &Options) -> Result<Vec<Table>> {
     let listed: Listed = toml::from_str(include_str!("objects.toml")).context("objects.toml")?;
     let folder = Path::new(FOLDER);
     for collection in &listed.collection {
@@ -78,9 +61,10 @@ pub fn run(options: &Options) -> Result<Findings> {
     let mut outcomes = BTreeMap::new();
     for (number, object) in listed.objects.iter().enumerate() {
         let path = written(&folder.join(object), &folder.join("imported"))?;
-        let setup = Setup::load(&Choice { scenario: Some("honest"), object: path.to_str(), ..Choice::default() })?;
+        let setup = rates::setup("honest", &path.to_string_lossy())?;
         // Some throws are hard for any object: each has its own.
-        let each = Outcome::each(&setup, options.seed + number as u64, options.trials);
+        let seed = options.seed + number as u64;
+        let each = judged(&setup, seed, 0..options.trials, |trial, verdict| Outcome::of(&setup, trial, &verdict));
         let name = vec![Entry::text(&setup.object.name)];
         thrown.rows.push([name, model(&setup), Outcome::entries(&each)].concat());
         outcomes.insert(setup.object.name, each);
@@ -95,46 +79,7 @@ pub fn run(options: &Options) -> Result<Findings> {
         let none = vec![Entry::text(""); 4];
         thrown.rows.push([vec![Entry::text(name)], none, Outcome::entries(&together)].concat());
     }
-    let tables = vec![thrown, beside(&listed.pair, folder, options)?];
-    Ok(Findings { legend: [LEGEND, rates::DEFINED, rates::MISSES].concat(), tables })
-}
-
-/// Meshes beside the built-in objects that stand for them, on the same throws.
-fn beside(pairs: &[Pair], folder: &Path, options: &Options) -> Result<Table> {
-    let columns = ["mesh", "built in", "throws", "mesh, %", "built in, %", "difference, points", "limits broken"];
-    let mut table = Table::new("The published project's meshes", &columns);
-    let (mut all, mut broken) = (Vec::new(), 0);
-    for (number, pair) in pairs.iter().enumerate() {
-        let path = written(&folder.join(&pair.mesh), &folder.join("imported"))?;
-        let mut of_pair = Vec::new();
-        let mut broken_here = 0;
-        for object in [path.to_str(), Some(pair.built_in.as_str())] {
-            let setup = Setup::load(&Choice { scenario: Some("honest"), object, ..Choice::default() })?;
-            let each = Outcome::each(&setup, options.seed + number as u64, options.trials);
-            broken_here += each.iter().filter(|it| it.breaks_limits).count();
-            of_pair.push(each.iter().map(|it| usize::from(it.caught)).collect::<Vec<_>>());
-        }
-        let caught: Vec<[usize; 2]> = of_pair[0].iter().zip(&of_pair[1]).map(|(mesh, own)| [*mesh, *own]).collect();
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let names = vec![Entry::text(stem), Entry::text(&pair.built_in)];
-        table.rows.push([names, difference(&caught), vec![Entry::Count(broken_here)]].concat());
-        all.extend(caught);
-        broken += broken_here;
-    }
-    let names = vec![Entry::text("all"), Entry::text("")];
-    table.rows.push([names, difference(&all), vec![Entry::Count(broken)]].concat());
-    Ok(table)
-}
-
-/// Statistics of pairs of throws: number, both rates, their difference in points and its interval.
-fn difference(caught: &[[usize; 2]]) -> Vec<Entry> {
-    let (count, [mesh, own]) = (caught.len(), [0, 1].map(|i| caught.iter().map(|it| it[i]).sum::<usize>()));
-    let one_of_both = caught.iter().filter(|[mesh, own]| mesh != own).count();
-    let n = count as f64;
-    let mean = (mesh as f64 - own as f64) / n;
-    let half = 1.96 * ((one_of_both as f64 / n - mean * mean) / n).sqrt();
-    let points = Entry::Spread([mean, mean - half, mean + half].map(|it| 100.0 * it).into());
-    vec![Entry::Count(count), percent(mesh, count), percent(own, count), points]
+    Ok(vec![thrown])
 }
 
 /// Brings a collection here.
@@ -187,18 +132,10 @@ struct Outcome {
 }
 
 impl Outcome {
-    /// Throws of an object.
-    fn each(setup: &Setup, seed: u64, trials: u64) -> Vec<Self> {
-        setup.prepare();
-        parallel::map(trials as usize, |index| Self::of(setup, seed, index as u64))
-    }
-
-    fn of(setup: &Setup, seed: u64, index: u64) -> Self {
-        let trial = trial::run_unobserved(&mut setup.brain(seed, index), setup, seed, index);
-        let verdict = referee::judge(setup, &trial);
+    fn of(setup: &Setup, trial: &Trial, verdict: &Verdict) -> Self {
         Self {
             caught: verdict.caught,
-            spin_radps: spin_error_radps(setup, &trial, &verdict),
+            spin_radps: spin_error_radps(setup, trial, verdict),
             breaks_limits: verdict.limit_violations > 0,
             reason: verdict.reason,
         }

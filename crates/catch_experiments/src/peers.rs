@@ -24,27 +24,7 @@ use catch_lab::planner_cases;
 use catch_sim::random_streams::Draws;
 use serde_json::Value;
 
-use crate::{Findings, Options, results::Table, spread::cpu_ms};
-
-const LEGEND: &str = "`benches/peers/run` makes the environment of Python and calls the command. Everything runs in one thread on one core. \
-Times are CPU times, the least of five repetitions. Of problems timed one by one, tables have the median and the most. \
-Preparation is not counted: distance fields of ours, search trees and normals of peers, and Drake's program before its solver is called. \
-[Compared with others](../explanation/compared-with.md) tells what the peers do better.
-
-* **Dynamics.** *Batch* is a loop inside the library. *Calls* from Python are without their overhead, that of the same calls on a model without joints. \
-Peers compute forward dynamics by the articulated-body algorithm for any tree, ours by a mass matrix of eight inverse dynamics for one serial arm.
-* **Depth images.** Our renderer casts rays only where bodies may be, MuJoCo's one for each pixel. Our capsules are 48 flat strips, up to 0.17 mm short. \
-MuJoCo's renderer on a graphics card is not measured.
-* **Physics.** The arm is held in its posture. The arena has steps of 1 ms, and a quarter of that where something moves against something. \
-Ours has a controller of computed torque, a gripper's drive and a record of true states at each step, MuJoCo springs that Python sets at each millisecond.
-* **Motions.** Position, velocity and time are given at both ends; position, velocity and acceleration are limited. Ours and Drake's are cubic splines of \
-equally many control points with least ∫ acceleration². Ours solves seven small quadratic programs; Drake's program may also free the duration and couple joints. \
-Ruckig's profiles, in closed form, jump in acceleration and ignore position limits.
-* **Clouds.** Ours follows the distance field of the object. Peers search corresponding points in every step, 50 steps at most, up to 30 mm away. \
-The error is the mean distance of the whole surface from itself at the true pose, so that symmetries do not count.
-* **Inverse kinematics.** Ours is in closed form, and finds all arcs of postures. The loop with Pinocchio is in Python, whose \
-overhead is most of its time, and has ten starts at most.
-* **Growth.** Ticks are those of the first 200 ms of a throw, each timed once. Images are whole until the object is found, then windows around it.";
+use crate::{Options, results::Table, spread::cpu_ms};
 
 /// Rows of the page: the name of the script, and what writes its problems.
 type Row = (&'static str, fn(&Options, &Path) -> Result<Value>);
@@ -64,7 +44,7 @@ const FOLDER: &str = "target/peers";
 const REPETITIONS: usize = 5;
 
 /// Measures us and the peers.
-pub fn run(options: &Options) -> Result<Findings> {
+pub fn run(options: &Options) -> Result<Vec<Table>> {
     let folder = Path::new(FOLDER);
     fs::create_dir_all(folder)?;
     let mut tables = Vec::new();
@@ -77,7 +57,7 @@ pub fn run(options: &Options) -> Result<Findings> {
     tables.push(trials::table(options)?);
     tables.push(growth::table(options)?);
     tables.extend(of_peers("versions", folder)?);
-    Ok(Findings { legend: LEGEND.to_owned(), tables })
+    Ok(tables)
 }
 
 /// Tables that a script makes of its problems.

@@ -34,26 +34,6 @@ const CHI_SQUARED_95: f64 = 7.815;
 /// Throws of a condition, in turn.
 const THROWS: [&str; 2] = ["near_sampled", "far_sampled"];
 
-/// Condition of the scenario `paper` under which throws are made, seen and evaluated.
-struct Condition {
-    /// Depth noise, and whether there are labels.
-    labels: [&'static str; 2],
-    /// Fields of the scenario.
-    settings: Vec<&'static str>,
-}
-
-impl Condition {
-    /// Loads the setups of the condition's trials of an object, throw by throw.
-    fn setups(&self, object: &str) -> Result<Vec<Setup>> {
-        let settings: Vec<String> = self.settings.iter().map(|&it| it.to_owned()).collect();
-        let load = |throw: &str| {
-            let (scenario, object, throw) = (Some("paper"), Some(object), Some(throw));
-            Setup::load(&Choice { scenario, object, throw, settings: &settings, ..Choice::default() })
-        };
-        Ok(THROWS.into_iter().map(load).collect::<Result<_, _>>()?)
-    }
-}
-
 /// Depth noises with the settings that make them.
 const NOISES: [(&str, &[&str]); 3] = [
     ("none", &[]),
@@ -66,17 +46,6 @@ const NOISES: [(&str, &[&str]); 3] = [
     ),
     ("stereo, 114 mm at 7 m", &["camera=stereo7", "arena.depth.model=\"stereo7\""]),
 ];
-
-/// Each noise with labels and without.
-fn noises_and_labels() -> Vec<Condition> {
-    let both = |(noise, settings): (&'static str, &[&'static str])| {
-        [("yes", None), ("no", Some("arena.labels=false"))].map(|(labels, setting)| {
-            let settings = settings.iter().copied().chain(setting).collect();
-            Condition { labels: [noise, labels], settings }
-        })
-    };
-    NOISES.into_iter().flat_map(both).collect()
-}
 
 /// Runs a throw of which the brain sees the first images, and returns the true states; `tick` is one tick of
 /// it.
@@ -199,27 +168,33 @@ impl Errors {
     }
 }
 
-pub const LEGEND: &str = "\n\nThe last table has the first 200 ms of throws of `paper`, at 100 Hz; the brain is told the cameras' data sheet. Errors are \
-medians, of poses over all images, of predictions over all throws. A first pose is right within 10 mm and 0.2 rad. Predictions are for 0.55 s after the \
-release, from the first 100 ms and from all 200 ms. *Within 95 %*: predicted positions in their 95 % ellipsoid. *Without*: throws without a prediction, or \
-touched by then.";
-
 /// Table by depth noise, with labels and without.
 pub fn table(options: &Options) -> Result<Table> {
     let mut table = Table::new("Poses and predictions by noise", &[]);
-    for condition in noises_and_labels() {
-        for object in Kind::Object.names() {
-            let setups = condition.setups(object)?;
-            setups.iter().for_each(Setup::prepare);
-            let setup = |index: usize| &setups[index % setups.len()];
-            let throws =
-                parallel::map(options.trials as usize, |index| Throw::seen(setup(index), options.seed, index as u64));
-            let mut all = Errors::default();
-            throws.iter().enumerate().for_each(|(index, throw)| all.add(setup(index), throw));
-            let [noise, labels] = condition.labels;
-            let labels = [("noise", noise), ("labels", labels), ("object", object)];
-            table.add(labels.map(|(column, it)| (column, Entry::text(it))).into_iter().chain(all.entries()));
+    for (noise, settings) in NOISES {
+        for (labels, unlabelled) in [("yes", None), ("no", Some("arena.labels=false"))] {
+            let settings: Vec<String> = settings.iter().copied().chain(unlabelled).map(str::to_owned).collect();
+            for object in Kind::Object.names() {
+                let labels = [("noise", noise), ("labels", labels), ("object", object)];
+                let entries = errors(object, &settings, options)?.entries();
+                table.add(labels.map(|(column, it)| (column, Entry::text(it))).into_iter().chain(entries));
+            }
         }
     }
     Ok(table)
+}
+
+/// Errors over the throws of an object in the scenario `paper` with these settings.
+fn errors(object: &str, settings: &[String], options: &Options) -> Result<Errors> {
+    let load = |throw| {
+        let (scenario, object) = (Some("paper"), Some(object));
+        Setup::load(&Choice { scenario, object, throw: Some(throw), settings, ..Choice::default() })
+    };
+    let setups = THROWS.into_iter().map(load).collect::<Result<Vec<_>, _>>()?;
+    setups.iter().for_each(Setup::prepare);
+    let setup = |index: usize| &setups[index % setups.len()];
+    let throws = parallel::map(options.trials as usize, |index| Throw::seen(setup(index), options.seed, index as u64));
+    let mut all = Errors::default();
+    throws.iter().enumerate().for_each(|(index, throw)| all.add(setup(index), throw));
+    Ok(all)
 }

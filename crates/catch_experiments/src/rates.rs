@@ -1,14 +1,16 @@
 //! Catch rates of a condition, of the throws within reach.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, ops::Range};
 
 use anyhow::Result;
 use catch_lab::{
     evaluation::{Cell, Evaluation, Row},
     parallel,
-    referee::reason::Reason,
-    scenario::setup::Setup,
+    referee::{self, Verdict, reason::Reason},
+    scenario::setup::{Choice, Setup},
+    trial::{self, Trial},
 };
+use catch_recording::name_of;
 
 use crate::{
     Options,
@@ -19,11 +21,25 @@ use crate::{
 /// Figures of each condition.
 pub const FIGURES: [&str; 5] = ["trials", "within reach, %", "caught, %", "limits broken", "misses within reach"];
 
-/// Sentences of a legend about them.
-pub const MISSES: &str =
-    " Rates stand before their interval (Wilson, 95 %). [Statuses](../reference/statuses.md) explains misses.";
-/// The same where another page defines them.
-pub const DEFINED: &str = " [Catch rates](catch-rates.md) defines *caught*, *within reach* and *limits broken*.";
+/// The setup of a scenario with an object.
+pub fn setup(scenario: &str, object: &str) -> Result<Setup> {
+    Ok(Setup::load(&Choice { scenario: Some(scenario), object: Some(object), ..Choice::default() })?)
+}
+
+/// What is told of each of these trials.
+pub fn judged<T: Send>(
+    setup: &Setup,
+    seed: u64,
+    trials: Range<u64>,
+    tell: impl Fn(&Trial, Verdict) -> T + Sync,
+) -> Vec<T> {
+    setup.prepare();
+    parallel::map((trials.end - trials.start) as usize, |i| {
+        let index = trials.start + i as u64;
+        let trial = trial::run_unobserved(&mut setup.brain(seed, index), setup, seed, index);
+        tell(&trial, referee::judge(setup, &trial))
+    })
+}
 
 /// Summarizes the trials of a condition, one entry for each of [`FIGURES`].
 pub fn figures(setups: Vec<Setup>, options: &Options) -> Result<Vec<Entry>> {
@@ -51,8 +67,7 @@ pub fn figures(setups: Vec<Setup>, options: &Options) -> Result<Vec<Entry>> {
 pub fn misses(reasons: impl Iterator<Item = Reason>) -> Entry {
     let mut counts = BTreeMap::new();
     for reason in reasons {
-        let name = serde_json::to_string(&reason).unwrap_or_default().replace('"', "");
-        *counts.entry(name).or_default() += 1;
+        *counts.entry(name_of(reason)).or_default() += 1;
     }
     Entry::Kinds(counts)
 }

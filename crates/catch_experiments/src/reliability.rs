@@ -8,19 +8,13 @@ use catch_lab::{
     flights::flight_misses::{Miss, Misses, QUANTILES, Reliability, with_all},
     parallel,
     referee::true_com_O,
-    scenario::setup::{Choice, Setup},
+    scenario::setup::Setup,
 };
 
 use crate::{
-    Findings, Options,
+    Options, rates,
     results::{Entry, Table},
 };
-
-const LEGEND: &str = "Simulated throws are random ones, seen by the brain with the cameras of the scenario; the arm stands still. The position 0.6 s after \
-the release is predicted. An error is the distance from the predicted to the true position.";
-/// Sentences of a legend about the figures.
-pub const COVERED: &str = " Errors are medians, with 95 % quantiles in brackets. *In 50/80/95/99 %* is the reliability diagram: how many of the true positions \
-lie in the ellipsoids that claim to hold 50, 80, 95 and 99 % of them.";
 
 /// Time after the release for which positions are predicted, in seconds: shortly before objects are caught.
 const PREDICTED_FOR_S: f64 = 0.6;
@@ -28,13 +22,12 @@ const PREDICTED_FOR_S: f64 = 0.6;
 const TO_GO_S: [f64; 4] = [0.4, 0.3, 0.2, 0.1];
 
 /// The scenarios that have noisy cameras.
-pub fn run(options: &Options) -> Result<Findings> {
+pub fn run(options: &Options) -> Result<Vec<Table>> {
     let mut tables = Vec::new();
     for scenario in ["honest", "honest-aero"] {
         let mut of_objects = Vec::new();
         for object in Kind::Object.names() {
-            let choice = Choice { scenario: Some(scenario), object: Some(object), ..Choice::default() };
-            let setup = Setup::load(&choice)?;
+            let setup = rates::setup(scenario, object)?;
             setup.prepare();
             let throws =
                 parallel::map(usize::try_from(options.trials)?, |index| simulated(&setup, options.seed, index as u64));
@@ -44,7 +37,7 @@ pub fn run(options: &Options) -> Result<Findings> {
         let of_objects = with_all(Kind::Object.names().into_iter().map(str::to_owned), of_objects);
         tables.push(table(&format!("Simulated, `{scenario}`"), &TO_GO_S.map(|it| format!("{it} s to go")), of_objects));
     }
-    Ok(Findings { legend: [LEGEND, COVERED].concat(), tables })
+    Ok(tables)
 }
 
 /// The misses of one throw by time to go; `None` where something touched the object.
@@ -76,7 +69,7 @@ fn simulated(setup: &Setup, seed: u64, index: u64) -> Option<[Option<Miss>; 4]> 
 }
 
 /// A line for each object, with a cell for each time.
-pub fn table(title: &str, times: &[String; 4], of_objects: Vec<(String, Misses)>) -> Table {
+fn table(title: &str, times: &[String; 4], of_objects: Vec<(String, Misses)>) -> Table {
     let claimed = QUANTILES.map(|(claimed, _)| format!("{:.0}", 100.0 * claimed)).join("/");
     let columns = ["object", "predicted", "throws", "without", "error, cm", &format!("in {claimed} %")];
     let mut table = Table::new(title, &columns).across("predicted");

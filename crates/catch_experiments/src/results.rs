@@ -13,7 +13,7 @@ use anyhow::{Context, Result};
 use catch_lab::VERSION;
 use serde::{Deserialize, Serialize};
 
-use crate::{Findings, Options};
+use crate::Options;
 
 /// A table; its first columns say what the condition is.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -179,15 +179,11 @@ struct Document<'a> {
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings: &Findings) -> Result<PathBuf> {
-    let mut command = format!(
+pub fn write(folder: &Path, [name, about, legend]: [&str; 3], options: &Options, tables: &[Table]) -> Result<PathBuf> {
+    let command = format!(
         "cargo run --release -p catch_experiments -- {name} --seed {} --trials {}",
         options.seed, options.trials
     );
-    // The place of the folders is private.
-    for folder in options.tracks.iter().filter_map(|it| it.file_name()) {
-        let _ = write!(command, " --tracks {}", folder.display());
-    }
     let document = Document {
         experiment: name,
         about,
@@ -197,16 +193,16 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
         machine: Machine { cpu: cpu(), cores: thread::available_parallelism().map_or(1, usize::from) },
         seed: options.seed,
         trials: options.trials,
-        tables: &findings.tables,
+        tables,
     };
     let Document { command, commit, machine, .. } = &document;
     let mut page = format!("# Results: {name}\n\nThis page is written by a command; changes by hand get lost.\n\n");
     let _ = write!(
         page,
-        "What is measured: {about}.\n\n| | |\n|---|---|\n| command | `{command}` |\n| commit | {commit} |\n| machine | {}, {} cores |\n\n{}\n",
-        machine.cpu, machine.cores, findings.legend
+        "What is measured: {about}.\n\n| | |\n|---|---|\n| command | `{command}` |\n| commit | {commit} |\n| machine | {}, {} cores |\n\n{legend}",
+        machine.cpu, machine.cores
     );
-    for table in &findings.tables {
+    for table in tables {
         let _ = write!(page, "\n{}", table.markdown());
     }
     fs::create_dir_all(folder).with_context(|| format!("{}", folder.display()))?;
@@ -279,9 +275,8 @@ mod tests {
         for value in [Some(0.012_345), Some(123.4), Some(0.0), None] {
             table.rows.push(vec![Entry::text("none"), Entry::Count(3), Entry::Number(value)]);
         }
-        let findings = Findings { legend: "Errors are medians.".to_owned(), tables: vec![table] };
-        let path = write(&folder, "example", "errors", &Options { seed: 7, trials: 9, tracks: Vec::new() }, &findings)
-            .unwrap();
+        let texts = ["example", "errors", "Errors are medians.\n"];
+        let path = write(&folder, texts, &Options { seed: 7, trials: 9 }, &[table]).unwrap();
         let page = fs::read_to_string(&path).unwrap();
         let document: serde_json::Value =
             serde_json::from_str(&fs::read_to_string(path.with_extension("json")).unwrap()).unwrap();

@@ -1,6 +1,6 @@
 //! Times, and quantiles of what was measured as entries of tables.
 
-use catch_body::statistics::{quantile, sorted, wilson95};
+use catch_body::statistics::{paired95, quantile, sorted, wilson95};
 
 use crate::results::Entry;
 
@@ -33,6 +33,14 @@ pub fn percent(part: usize, whole: usize) -> Entry {
     Entry::Number((whole > 0).then(|| 100.0 * part as f64 / whole as f64))
 }
 
+/// Points by which the second of each pair is more often true, and their interval of 95 %.
+pub fn gained(pairs: &[(bool, bool)]) -> [f64; 3] {
+    let count = |pair| pairs.iter().filter(|it| **it == pair).count();
+    let (gained, lost) = (count((false, true)), count((true, false)));
+    let [from, to] = paired95(gained, lost, pairs.len());
+    [(gained as f64 - lost as f64) / pairs.len().max(1) as f64, from, to].map(|it| 100.0 * it)
+}
+
 /// CPU time of this thread in milliseconds, which other programs hardly disturb; not a number where it cannot
 /// be told.
 pub fn cpu_ms() -> f64 {
@@ -42,4 +50,16 @@ pub fn cpu_ms() -> f64 {
     return time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6;
     #[cfg(not(unix))]
     f64::NAN
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_gained_and_lost_makes_the_difference() {
+        let pairs = [(true, true), (true, false), (false, true), (false, false), (true, false)];
+        let [points, from, to] = gained(&pairs);
+        assert!((points + 20.0).abs() < 1e-9 && from < points && points < to, "{points} ({from} to {to})");
+    }
 }

@@ -16,10 +16,7 @@ use include_dir::{Dir, include_dir};
 use serde::Serialize;
 
 use crate::flights::recorded_throws;
-use catch_recording::{
-    bounded_file::{FileKind, as_spelt},
-    sources::Meshes,
-};
+use catch_recording::{bounded_file::FileKind, sources::Meshes};
 
 static BUILT_IN: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
 
@@ -141,7 +138,6 @@ impl Asset {
             Origin::Disk(folder) => folder.join(name),
             Origin::BuiltIn(_) => PathBuf::from(name),
         };
-        let path = as_spelt(&path);
         if kind == Kind::Throw && path.is_dir() && !path.join(kind.main_file()).exists() {
             return Ok(Self::of_recordings(path));
         }

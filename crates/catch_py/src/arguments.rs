@@ -22,11 +22,6 @@ use pyo3::{
     types::{PyBool, PyDict, PyString},
 };
 
-/// A serialized name, such as that of a state.
-pub fn name_of(value: impl serde::Serialize) -> String {
-    serde_json::to_value(value).ok().and_then(|it| it.as_str().map(str::to_owned)).unwrap_or_default()
-}
-
 /// A serialized map as a dict.
 pub fn json_dict<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyDict>> {
     let text = serde_json::to_string(value).map_err(|it| PyRuntimeError::new_err(it.to_string()))?;

@@ -18,7 +18,8 @@ use catch_lab::{
     trial::{StateSnapshot, stopwatch::Stopwatch},
 };
 use catch_recording::{
-    EXTENSION, RecordedCell, brain::BrainSettings, cell_recorder::CellRecorder, reach_map, sources::check_waits_clear,
+    EXTENSION, RecordedCell, brain::BrainSettings, cell_recorder::CellRecorder, name_of, reach_map,
+    sources::check_waits_clear,
 };
 use nalgebra::Point3;
 use pyo3::{
@@ -28,8 +29,7 @@ use pyo3::{
 
 use crate::{
     arguments::{
-        Named, Numbers, Whole, fault, input_fault, instance, interruptible, list, locked, name_of, toml_text,
-        type_fault,
+        Named, Numbers, Whole, fault, input_fault, instance, interruptible, list, locked, toml_text, type_fault,
     },
     camera::Camera,
     command::Command,

@@ -7,11 +7,12 @@ use catch_body::{
 use catch_cell::{
     ArmState as SensedArm, GraspState, GripperState as SensedGripper, RejectedTrajectory, Setpoint, TrajectoryId,
 };
+use catch_recording::name_of;
 use numpy::{PyArray1, PyArray2};
 use pyo3::{exceptions::PyTypeError, prelude::*, types::PyDict};
 use serde_json::{Value, json};
 
-use crate::arguments::{Numbers, Whole, fault, joint_vector, json_dict, list, name_of, number};
+use crate::arguments::{Numbers, Whole, fault, joint_vector, json_dict, list, number};
 
 /// One number per joint of the arm.
 pub fn joint_array<'py>(py: Python<'py>, joints: &JointVector, dof: usize) -> Bound<'py, PyArray1<f64>> {

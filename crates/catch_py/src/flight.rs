@@ -8,11 +8,12 @@ use catch_lab::flights::{
     stretches::axis,
     track_file::Sighting,
 };
+use catch_recording::name_of;
 use nalgebra::{Matrix6, Quaternion, Unit, UnitQuaternion, Vector3};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
 use pyo3::{create_exception, exceptions::PyValueError, prelude::*};
 
-use crate::arguments::{Numbers, fault, input_fault, name_of, number};
+use crate::arguments::{Numbers, fault, input_fault, number};
 
 create_exception!(catchingbot, NoFlight, PyValueError, "No flight fits the track; the message says why.");
 

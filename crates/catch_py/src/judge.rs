@@ -2,10 +2,11 @@
 
 use catch_body::Pose;
 use catch_lab::referee::cell_samples::{CellSample, why_not_held};
+use catch_recording::name_of;
 use pyo3::{exceptions::PyTypeError, prelude::*, types::PyDict};
 
 use crate::{
-    arguments::{Numbers, fault, joint_vector, name_of, number},
+    arguments::{Numbers, fault, joint_vector, number},
     camera::pose,
 };
 

@@ -1,10 +1,11 @@
 //! A planned catch.
 
 use catch_bot::control::Decision;
+use catch_recording::name_of;
 use numpy::{PyArray1, PyArray2, ToPyArray};
 use pyo3::prelude::*;
 
-use crate::{arguments::name_of, cell_state::joint_array, command::control_points};
+use crate::{cell_state::joint_array, command::control_points};
 
 /// A catch and the motion to it, or why there is none.
 #[pyclass(frozen, module = "catchingbot")]

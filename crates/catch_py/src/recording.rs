@@ -7,12 +7,12 @@ use catch_lab::{
     recording::{GroundTruth, LabReader, Simulation},
     scenario::setup::{Choice, Setup as LabSetup},
 };
-use catch_recording::Part;
+use catch_recording::{Part, name_of};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::{prelude::*, types::PyDict};
 
 use crate::{
-    arguments::{Named, fault, input_fault, name_of},
+    arguments::{Named, fault, input_fault},
     command::Command,
     equipment::rows_of,
     setup::Setup,

@@ -7,11 +7,11 @@ use catch_import::{
     cloud_file::CloudFile,
     cloud_registration::{self, Registration},
 };
-use catch_recording::whole_file::COMMAND_LINE;
+use catch_recording::{name_of, whole_file::COMMAND_LINE};
 use numpy::{PyArray2, ToPyArray};
 use pyo3::{prelude::*, types::PyString};
 
-use crate::arguments::{Numbers, fault, input_fault, name_of, number};
+use crate::arguments::{Numbers, fault, input_fault, number};
 
 /// Name of the argument, which is an asset's name, too.
 const REFERENCE: &str = stringify!(reference);

@@ -7,7 +7,7 @@ use catch_lab::{
     recording::recorded_throw::record,
     scenario::setup::Setup,
 };
-use catch_recording::whole_file;
+use catch_recording::{name_of, whole_file};
 use catch_view::{pages::catch_page, playback::Playback};
 use pyo3::{
     exceptions::{PyOSError, PyRuntimeError},
@@ -15,7 +15,7 @@ use pyo3::{
     types::{PyBytes, PyDict},
 };
 
-use crate::arguments::{input_fault, json_dict, name_of};
+use crate::arguments::{input_fault, json_dict};
 
 /// A throw, and what became of it.
 #[pyclass(frozen, module = "catchingbot")]

@@ -1,14 +1,12 @@
 //! Reads the user's files: regular ones only, and none larger than what its kind can need.
 
 use std::{
-    ffi::OsString,
     fs::{self, File},
     io::{self, Read},
-    path::{Path, PathBuf},
+    path::Path,
 };
 
 use catch_body::InputError;
-use unicode_normalization::UnicodeNormalization;
 
 /// Kind of a file: its description in error messages and its largest size.
 #[derive(Debug, Clone, Copy)]
@@ -51,7 +49,6 @@ impl<'a> FileKind<'a> {
     pub fn open(&self, path: &Path) -> Result<File, InputError> {
         let file = path.display().to_string();
         let fault = |field: &str, found: String, expected: String| InputError::new(&file, field, found, expected);
-        let path = &as_spelt(path);
         // A pipe without a writer would never be opened.
         let metadata = fs::metadata(path).map_err(|it| fault("the file", in_words(&it), self.expected.to_owned()))?;
         if !metadata.is_file() {
@@ -109,31 +106,6 @@ impl<'a> FileKind<'a> {
     }
 }
 
-/// Finds the file that a path means where the disk spells its names in another form of Unicode, as file
-/// systems and editors differ: `é` is one character or two. The path itself where there is nothing like it.
-pub fn as_spelt(path: &Path) -> PathBuf {
-    if path.as_os_str().is_ascii() || fs::symlink_metadata(path).is_ok() {
-        return path.to_owned();
-    }
-    let mut found = PathBuf::new();
-    for part in path.components() {
-        let wanted = found.join(part);
-        if fs::symlink_metadata(&wanted).is_ok() {
-            found = wanted;
-            continue;
-        }
-        let folder = if found.as_os_str().is_empty() { Path::new(".") } else { &found };
-        let Some(name) = part.as_os_str().to_str().filter(|it| !it.is_ascii()) else { return path.to_owned() };
-        let is_same = |it: &OsString| it.to_str().is_some_and(|it| it.nfc().eq(name.nfc()));
-        let names = fs::read_dir(folder).into_iter().flatten().flatten().map(|it| it.file_name());
-        match names.into_iter().find(is_same) {
-            Some(name) => found.push(name),
-            None => return path.to_owned(),
-        }
-    }
-    found
-}
-
 /// States why a file cannot be read.
 fn in_words(fault: &io::Error) -> String {
     match fault.kind() {
@@ -146,21 +118,6 @@ fn in_words(fault: &io::Error) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn names_are_found_in_any_form_of_unicode() {
-        let folder = tempfile::tempdir().unwrap();
-        let (composed, decomposed) = ("caf\u{e9}", "cafe\u{301}");
-        fs::create_dir(folder.path().join(decomposed)).unwrap();
-        fs::write(folder.path().join(decomposed).join("\u{e9}.toml"), "abc").unwrap();
-        let path = |folder_name: &str, file: &str| folder.path().join(folder_name).join(file);
-        for wanted in [path(composed, "e\u{301}.toml"), path(decomposed, "\u{e9}.toml")] {
-            assert_eq!(FileKind::toml("settings").read_text(&wanted).unwrap(), "abc", "{}", wanted.display());
-        }
-        let other = path(composed, "\u{e8}.toml");
-        assert_eq!(as_spelt(&other), other);
-        assert!(FileKind::toml("settings").read(&other).unwrap_err().to_string().contains("nothing there"));
-    }
 
     #[test]
     fn only_regular_files_of_some_size_are_read() {

@@ -32,3 +32,8 @@ pub use recording::{
     RecordedPlan, RecordedReport, RecordedTick, Recorder,
 };
 pub use tick::Tick;
+
+/// A serialized name, such as that of a status.
+pub fn name_of(value: impl serde::Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|it| it.as_str().map(str::to_owned)).unwrap_or_default()
+}

@@ -3,7 +3,7 @@
 use catch_bot::perception::CameraStatus;
 use serde::{Deserialize, Serialize};
 
-use crate::tick::Tick;
+use crate::{name_of, tick::Tick};
 
 /// Event of a throw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,19 +33,8 @@ pub enum Event {
 
 impl Event {
     /// Returns the name of the event for people.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Thrown => "thrown",
-            Self::Camera => "camera",
-            Self::FirstSeen => "first seen",
-            Self::FirstTrajectory => "first trajectory",
-            Self::FirstPlan => "first plan",
-            Self::Replanned => "replanned",
-            Self::Closing => "closing",
-            Self::Contact => "contact",
-            Self::Held => "held",
-            Self::Missed => "missed",
-        }
+    pub fn label(self) -> String {
+        name_of(self).replace('_', " ")
     }
 }
 

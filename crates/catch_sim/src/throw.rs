@@ -167,14 +167,6 @@ impl Throw {
         self
     }
 
-    /// Returns a throw of the same objects in the same orientations with another release, every time the
-    /// same, without spin.
-    pub fn moved(&self, p_WO: &Point3<f64>, v_WO: &Vector3<f64>) -> Self {
-        let motion =
-            Motion::Fixed { position_m: p_WO.coords.into(), velocity_mps: (*v_WO).into(), spin_radps: [0.0; 3] };
-        Self { motion, orientations: self.orientations.clone() }
-    }
-
     /// The throw number `index` of `seed`. Where the file does not give the object's orientation, a fixed
     /// throw has the axes of the object's file along those of W; of all others every orientation is as likely
     /// as any other. A recorded orientation is that of the tracked body, in which the file gives the

@@ -13,24 +13,14 @@ use nalgebra::{Matrix2, Point2, UnitQuaternion, Vector2, Vector3};
 
 use super::{
     Config,
+    arm_silhouette::{Crossing, Search, crossings},
     segmentation::{Background, Surroundings, is_full},
 };
 
-/// The arm's silhouette, where it is met on the way along a row or a column of pixels.
+/// The arm's silhouette, where a line of pixels meets it, and what images show there.
 #[derive(Debug, Clone, Copy)]
-struct Crossing {
-    /// True if the crossing is met along a row, false if along a column.
-    along_row: bool,
-    /// Number of that row or column.
-    line: usize,
-    /// The last pixel before the silhouette.
-    last: usize,
-    /// True if the arm begins there, false if it ends.
-    begins: bool,
-    /// Expected position of the silhouette, in image coordinates along the line.
-    at_px: f64,
-    /// Change of that position from line to line.
-    slope: f64,
+struct Edge {
+    crossing: Crossing,
     /// Pixels within [`REACH_PX`] of the crossing that showed anything in any image, one bit each, the first
     /// in the lowest bit.
     shown: u8,
@@ -42,7 +32,7 @@ pub struct CameraAlignment {
     /// The cameras, turned to where they look as far as is known.
     pub cameras: Vec<CameraModel>,
     /// Silhouette of the arm in each camera.
-    outlines: Vec<Vec<Crossing>>,
+    outlines: Vec<Vec<Edge>>,
     /// Link poses and gripper aperture of the arm whose silhouettes these are.
     stood: Option<(LinkPoses, f64)>,
     /// Number of each camera's images that were evaluated.
@@ -51,10 +41,8 @@ pub struct CameraAlignment {
 
 /// Pixels to each side of the silhouette that are looked at: several times as many as cameras are off.
 const REACH_PX: usize = 3;
-/// Steps in which a silhouette is found between two pixels: to a 64th.
-const BISECTIONS: usize = 6;
-/// Silhouettes more slanted than this to their line are left to the lines across.
-const STEEPEST: f64 = 1.3;
+/// The silhouette is found to a 64th of a pixel.
+const SEARCH: Search = Search { reach_px: REACH_PX, bisections: 6, steepest: 1.3 };
 /// An image tells where a silhouette is to a pixel; its standard deviation is that of a uniform distribution.
 const CROSSING_SD_PX: f64 = 0.289;
 /// Crossings that are farther than this from what the others say are something else's, in pixels.
@@ -86,8 +74,8 @@ impl CameraAlignment {
         self.outlines.clear();
         for camera in told {
             let background = Background::new(camera, Some(known), &camera.full_window(), config);
-            let is_there = |uv: &Point2<f64>| background.depth_m(uv).is_finite();
-            self.outlines.push(silhouette(camera.width_px as usize, &background.cast_all(), &is_there));
+            let still = background.cast_all();
+            self.outlines.push(silhouette(camera.width_px as usize, &still, |uv| background.depth_m(uv).is_finite()));
         }
     }
 
@@ -124,8 +112,8 @@ impl CameraAlignment {
             let i = frame.camera;
             self.images[i] += 1;
             let (camera, silhouette) = (&told[i], &mut self.outlines[i]);
-            for crossing in silhouette.iter_mut() {
-                crossing.look(camera.width_px as usize, |pixel| {
+            for edge in silhouette.iter_mut() {
+                edge.look(camera.width_px as usize, |pixel| {
                     let depth_m = frame.depth_m[pixel];
                     depth_m.is_finite() && depth_m > 0.0
                 });
@@ -144,60 +132,17 @@ fn is_wanted(config: &Config) -> bool {
 }
 
 /// The silhouette of what `still` shows, between pixels by asking whether something `is_there`.
-fn silhouette(width: usize, still: &[f32], is_there: &impl Fn(&Point2<f64>) -> bool) -> Vec<Crossing> {
-    let height = still.len() / width.max(1);
-    let mut crossings = Vec::new();
-    for along_row in [true, false] {
-        let (lines, length) = if along_row { (height, width) } else { (width, height) };
-        let shows =
-            |line: usize, k: usize| still[if along_row { line * width + k } else { k * width + line }].is_finite();
-        let first = crossings.len();
-        for line in 0..lines {
-            for last in REACH_PX - 1..length.saturating_sub(REACH_PX) {
-                let begins = shows(line, last + 1);
-                // A clean edge: nothing on one side, the arm on the other.
-                let is_clean =
-                    (0..REACH_PX).all(|i| shows(line, last - i) != begins && shows(line, last + 1 + i) == begins);
-                if is_clean {
-                    let across = line as f64 + 0.5;
-                    let at =
-                        |along: f64| if along_row { Point2::new(along, across) } else { Point2::new(across, along) };
-                    let (mut low, mut high) = (last as f64 + 0.5, last as f64 + 1.5);
-                    for _ in 0..BISECTIONS {
-                        let middle = f64::midpoint(low, high);
-                        if is_there(&at(middle)) == begins { high = middle } else { low = middle }
-                    }
-                    let at_px = f64::midpoint(low, high);
-                    crossings.push(Crossing { along_row, line, last, begins, at_px, slope: f64::NAN, shown: 0 });
-                }
-            }
-        }
-        add_slopes(&mut crossings[first..]);
-    }
-    crossings.retain(|it| it.slope.abs() < STEEPEST);
-    crossings
-}
-
-/// Slopes from the crossings of the same silhouette on the lines before and after; NaN where there are none.
-fn add_slopes(crossings: &mut [Crossing]) {
-    for i in 0..crossings.len() {
-        let Crossing { line, begins, at_px, .. } = crossings[i];
-        let belongs = |it: &Crossing| it.begins == begins && (it.at_px - at_px).abs() < 1.5 * STEEPEST;
-        let before = crossings[..i].iter().rev().take_while(|it| it.line + 1 >= line);
-        let before = before.filter(|it| it.line + 1 == line).find(|it| belongs(it));
-        let after = crossings[i..].iter().take_while(|it| it.line <= line + 1);
-        let after = after.filter(|it| it.line == line + 1).find(|it| belongs(it));
-        if let (Some(before), Some(after)) = (before, after) {
-            crossings[i].slope = (after.at_px - before.at_px) / 2.0;
-        }
-    }
+fn silhouette(width: usize, still: &[f32], is_there: impl Fn(&Point2<f64>) -> bool) -> Vec<Edge> {
+    let shows = |[column, row]: [usize; 2]| still[row * width + column].is_finite();
+    let crossings = crossings([width, still.len() / width.max(1)], &SEARCH, shows, is_there);
+    crossings.into_iter().map(|crossing| Edge { crossing, shown: 0 }).collect()
 }
 
 /// Shift of the silhouette in the images, in pixels: least squares, with the standard deviation of the
 /// cameras' orientations as a prior.
-fn shift_px(silhouette: &[Crossing], camera: &CameraModel, camera_sd_rad: f64) -> Vector2<f64> {
+fn shift_px(silhouette: &[Edge], camera: &CameraModel, camera_sd_rad: f64) -> Vector2<f64> {
     let prior = Matrix2::identity() * (camera_sd_rad * camera.focal_px).powi(-2);
-    let seen = |it: &Crossing| Some((it.found_px()? - it.at_px, it.gradient()));
+    let seen = |it: &Edge| Some((it.found_px()? - it.crossing.at_px, it.crossing.gradient()));
     let mut seen: Vec<(f64, Vector2<f64>)> = silhouette.iter().filter_map(seen).collect();
     let mut shift = Vector2::zeros();
     for round in 0..3 {
@@ -214,28 +159,22 @@ fn shift_px(silhouette: &[Crossing], camera: &CameraModel, camera_sd_rad: f64) -
     shift
 }
 
-impl Crossing {
-    /// Motion of the crossing along its line when the image moves by a pixel to the right, and down.
-    fn gradient(&self) -> Vector2<f64> {
-        if self.along_row { Vector2::new(1.0, -self.slope) } else { Vector2::new(-self.slope, 1.0) }
-    }
-
+impl Edge {
     /// Notes which of its pixels show anything in an image so many pixels wide.
     fn look(&mut self, width: usize, shows: impl Fn(usize) -> bool) {
         for i in 0..2 * REACH_PX {
-            let k = self.last + 1 - REACH_PX + i;
-            let pixel = if self.along_row { self.line * width + k } else { k * width + self.line };
-            self.shown |= u8::from(shows(pixel)) << i;
+            let [column, row] = self.crossing.pixel(self.crossing.last + 1 - REACH_PX + i);
+            self.shown |= u8::from(shows(row * width + column)) << i;
         }
     }
 
     /// Position of the crossing in the images, in pixels: between the pixels that show nothing and those that
     /// show something, some of which may be missing. `None` if it is not clear.
     fn found_px(&self) -> Option<f64> {
-        let first = self.last + 1 - REACH_PX;
+        let first = self.crossing.last + 1 - REACH_PX;
         // Pixels of the arm may be missing, but where there is nothing nothing is seen.
         let cost = |before: usize| -> usize {
-            let wrong = |i: usize| match ((i < before) == self.begins, self.shown >> i & 1 == 1) {
+            let wrong = |i: usize| match ((i < before) == self.crossing.begins, self.shown >> i & 1 == 1) {
                 (true, true) => 2,
                 (false, false) => 1,
                 _ => 0,
@@ -259,10 +198,11 @@ mod tests {
     fn an_outline_is_found_although_pixels_are_missing() {
         let shown: Vec<bool> = (0..64).map(|k| k == 37 || (k > 37 && k % 2 == 0)).collect();
         let still: Vec<f32> = (0..64).map(|k| if k >= 37 { 1.0 } else { f32::INFINITY }).collect();
-        let mut found = silhouette(64, &still.repeat(3), &|uv| uv.x > 37.3);
-        found.retain(|it| it.along_row);
+        let mut found = silhouette(64, &still.repeat(3), |uv| uv.x > 37.3);
+        found.retain(|it| it.crossing.along_row);
         assert_eq!(found.len(), 1, "the middle one of three rows has a slope");
-        assert!((found[0].at_px - 37.3).abs() < 0.02 && found[0].slope == 0.0 && found[0].begins);
+        let crossing = found[0].crossing;
+        assert!((crossing.at_px - 37.3).abs() < 0.02 && crossing.slope == 0.0 && crossing.begins);
         assert_eq!(found[0].found_px(), None);
         found[0].look(64, |pixel| shown[pixel % 64]);
         assert_eq!(found[0].found_px(), Some(37.0));

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use catch_body::kinematics::LinkPoses;
-use catch_cell::CameraModel;
+use catch_cell::{CameraModel, camera::among_neighbours};
 
 use super::{
     Config,
@@ -118,26 +118,7 @@ impl Limits {
 
 /// Depths before which the pixels of an image show something else than these depths.
 fn limits_m(depths_m: &[f32], camera: &CameraModel, config: &Config) -> Vec<f32> {
-    let mut limits_m = nearest_around(depths_m, camera.width_px as usize, bleeding_px(config) as usize);
+    let mut limits_m = among_neighbours(depths_m, camera.width_px as usize, bleeding_px(config) as usize, f32::min);
     limits_m.iter_mut().for_each(|depth_m| *depth_m = nearer_than_m(f64::from(*depth_m), config) as f32);
     limits_m
-}
-
-/// The least depth within so many pixels to each side of every pixel of an image that is `wide` pixels wide.
-fn nearest_around(depths_m: &[f32], wide: usize, aside_px: usize) -> Vec<f32> {
-    let merge =
-        |into: &mut [f32], from: &[f32]| into.iter_mut().zip(from).for_each(|(into, from)| *into = into.min(*from));
-    let mut in_rows = depths_m.to_vec();
-    for (into, from) in in_rows.chunks_mut(wide.max(1)).zip(depths_m.chunks(wide.max(1))) {
-        for apart in 1..=aside_px.min(wide) {
-            merge(&mut into[apart..], from);
-            merge(into, &from[apart..]);
-        }
-    }
-    let mut all = in_rows.clone();
-    for apart in (1..=aside_px).map(|rows| rows * wide).take_while(|apart| *apart < in_rows.len()) {
-        merge(&mut all[apart..], &in_rows);
-        merge(&mut all, &in_rows[apart..]);
-    }
-    all
 }

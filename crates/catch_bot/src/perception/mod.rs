@@ -5,6 +5,7 @@
 //! says the object should be.
 
 mod arm_edges;
+pub mod arm_silhouette;
 pub mod camera_alignment;
 pub mod camera_health;
 pub mod camera_offsets;

@@ -7,7 +7,7 @@ use catch_body::{
 };
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Point3, SMatrix, Vector3};
 
-use super::Sighting;
+use super::{FLIGHT_OFFSET_SD_M, Sighting};
 use crate::CAMERA_PARAMETERS;
 
 /// Parameters of each camera: those of [`CAMERA_PARAMETERS`], and the registration's offset.
@@ -26,6 +26,8 @@ const HUBER_SD: f64 = 3.0;
 const OUTLIER_SD: f64 = 6.0;
 /// Sightings that are all within this time, in seconds, tell of no flight.
 const LEAST_SPAN_S: f64 = 0.05;
+/// Standard deviation of the drag constant k in a = −k·|v|·v of each flight, in 1/m, about zero.
+const DRAG_SD_PER_M: f64 = 0.1;
 /// Rounds of the first fit.
 const FIRST_ROUNDS: usize = 15;
 
@@ -77,10 +79,10 @@ pub struct FlightState {
 pub struct Row {
     pub camera: usize,
     pub residual: Vector3<f64>,
-    pub by_camera: SMatrix<f64, 3, OF_CAMERA>,
-    pub by_tilt: SMatrix<f64, 3, OF_TILT>,
-    /// Derivatives by position, velocity and drag.
-    pub by_flight: SMatrix<f64, 3, OF_FLIGHT>,
+    /// Derivatives by the parameters of its camera, and by the tilt.
+    pub by_common: SMatrix<f64, 3, { OF_CAMERA + OF_TILT }>,
+    /// Derivatives by position, velocity and drag, and by the camera's offset in this flight.
+    pub by_own: SMatrix<f64, 3, { OF_FLIGHT + OF_OFFSET }>,
 }
 
 /// Information of a flight about the parameters that all flights have in common.
@@ -92,12 +94,6 @@ pub struct FlightEquations {
     own: Cholesky<f64, Dyn>,
     own_pull: DVector<f64>,
     coupling: DMatrix<f64>,
-}
-
-/// Standard deviations that do not change.
-pub struct Priors {
-    pub drag_sd_per_m: f64,
-    pub offset_sd_m: Vector3<f64>,
 }
 
 /// The law of motion where the vertical is off by these rotations about x and y of W: g + θ × g. Of the
@@ -176,32 +172,22 @@ impl FlightState {
         let at = it.sighting.camera;
         let residual = it.sighting.p_C - q * scale - columns * (camera.offset + self.offsets[at]);
         let by_p = it.whitening * R_CW.matrix() * scale;
-        let mut by_camera = SMatrix::<f64, 3, OF_CAMERA>::zeros();
-        by_camera.fixed_columns_mut::<3>(0).copy_from(&(it.whitening * q.cross_matrix() * scale));
-        by_camera.fixed_columns_mut::<3>(3).copy_from(&(it.whitening * -scale));
-        by_camera.set_column(6, &(it.whitening * q));
-        by_camera.set_column(7, &(by_p * motion.v));
-        by_camera.fixed_columns_mut::<3>(CAMERA_PARAMETERS).copy_from(&(it.whitening * columns));
-        let mut by_flight = SMatrix::<f64, 3, OF_FLIGHT>::zeros();
-        by_flight.fixed_columns_mut::<3>(0).copy_from(&by_p);
-        by_flight.fixed_columns_mut::<4>(3).copy_from(&(by_p * motion.dp.fixed_columns::<4>(0)));
-        Row {
-            camera: at,
-            residual: it.whitening * residual,
-            by_camera,
-            by_tilt: by_p * motion.dp.fixed_columns::<2>(4),
-            by_flight,
-        }
+        let mut by_common = SMatrix::<f64, 3, { OF_CAMERA + OF_TILT }>::zeros();
+        by_common.fixed_columns_mut::<3>(0).copy_from(&(it.whitening * q.cross_matrix() * scale));
+        by_common.fixed_columns_mut::<3>(3).copy_from(&(it.whitening * -scale));
+        by_common.set_column(6, &(it.whitening * q));
+        by_common.set_column(7, &(by_p * motion.v));
+        by_common.fixed_columns_mut::<OF_OFFSET>(CAMERA_PARAMETERS).copy_from(&(it.whitening * columns));
+        by_common.fixed_columns_mut::<OF_TILT>(OF_CAMERA).copy_from(&(by_p * motion.dp.fixed_columns::<2>(4)));
+        let mut by_own = SMatrix::<f64, 3, { OF_FLIGHT + OF_OFFSET }>::zeros();
+        by_own.fixed_columns_mut::<3>(0).copy_from(&by_p);
+        by_own.fixed_columns_mut::<4>(3).copy_from(&(by_p * motion.dp.fixed_columns::<4>(0)));
+        by_own.fixed_columns_mut::<OF_OFFSET>(OF_FLIGHT).copy_from(&(it.whitening * columns));
+        Row { camera: at, residual: it.whitening * residual, by_common, by_own }
     }
 
     /// The equations of this flight, sightings as uncertain as they say times the root of `factor`.
-    pub fn equations(
-        &self,
-        cameras: &[CameraState],
-        tilt_rad: [f64; 2],
-        priors: &Priors,
-        factor: f64,
-    ) -> Option<FlightEquations> {
+    pub fn equations(&self, cameras: &[CameraState], tilt_rad: [f64; 2], factor: f64) -> Option<FlightEquations> {
         let common = OF_CAMERA * cameras.len() + OF_TILT;
         let own = OF_FLIGHT + OF_OFFSET * cameras.len();
         let (mut information, mut pull) = (DMatrix::zeros(common, common), DVector::zeros(common));
@@ -215,20 +201,14 @@ impl FlightState {
                 continue;
             }
             let weight = (HUBER_SD / size).min(1.0) / factor;
-            let mut of_common = SMatrix::<f64, 3, { OF_CAMERA + OF_TILT }>::zeros();
-            of_common.fixed_columns_mut::<OF_CAMERA>(0).copy_from(&row.by_camera);
-            of_common.fixed_columns_mut::<OF_TILT>(OF_CAMERA).copy_from(&row.by_tilt);
-            let mut of_own = SMatrix::<f64, 3, { OF_FLIGHT + OF_OFFSET }>::zeros();
-            of_own.fixed_columns_mut::<OF_FLIGHT>(0).copy_from(&row.by_flight);
-            let offset = row.by_camera.fixed_columns::<OF_OFFSET>(CAMERA_PARAMETERS);
-            of_own.fixed_columns_mut::<OF_OFFSET>(OF_FLIGHT).copy_from(&offset);
+            let Row { by_common, by_own, .. } = row;
             let place =
                 |i: usize| if i < OF_CAMERA { OF_CAMERA * row.camera + i } else { common - OF_TILT + i - OF_CAMERA };
             let own_place = |i: usize| if i < OF_FLIGHT { i } else { OF_OFFSET * row.camera + i };
-            add(&mut information, &(of_common.tr_mul(&of_common) * weight), place, place);
-            add(&mut coupling, &(of_common.tr_mul(&of_own) * weight), place, own_place);
-            add(&mut own_information, &(of_own.tr_mul(&of_own) * weight), own_place, own_place);
-            let (by, own_by) = (of_common.tr_mul(&row.residual) * weight, of_own.tr_mul(&row.residual) * weight);
+            add(&mut information, &(by_common.tr_mul(&by_common) * weight), place, place);
+            add(&mut coupling, &(by_common.tr_mul(&by_own) * weight), place, own_place);
+            add(&mut own_information, &(by_own.tr_mul(&by_own) * weight), own_place, own_place);
+            let (by, own_by) = (by_common.tr_mul(&row.residual) * weight, by_own.tr_mul(&row.residual) * weight);
             by.iter().enumerate().for_each(|(i, value)| pull[place(i)] += value);
             own_by.iter().enumerate().for_each(|(i, value)| own_pull[own_place(i)] += value);
         }
@@ -236,10 +216,10 @@ impl FlightState {
             own_information[(at, at)] += sd.powi(-2);
             own_pull[at] -= value * sd.powi(-2);
         };
-        prior(DRAG, self.drag_per_m, priors.drag_sd_per_m);
+        prior(DRAG, self.drag_per_m, DRAG_SD_PER_M);
         for (i, offset) in self.offsets.iter().enumerate() {
-            for (axis, (value, sd)) in offset.iter().zip(&priors.offset_sd_m).enumerate() {
-                prior(OF_FLIGHT + OF_OFFSET * i + axis, *value, *sd);
+            for (axis, (value, sd)) in offset.iter().zip(FLIGHT_OFFSET_SD_M).enumerate() {
+                prior(OF_FLIGHT + OF_OFFSET * i + axis, *value, sd);
             }
         }
         let own = own_information.cholesky()?;

@@ -61,7 +61,7 @@ fn derivatives_of_a_sighting_are_those_of_finite_differences() {
             }
             flight.rows(&cameras, TILT_RAD)
         });
-        check(&|it| it.by_camera.column(parameter).into(), &rows, changed, STEP, &format!("camera {parameter}"));
+        check(&|it| it.by_common.column(parameter).into(), &rows, changed, STEP, &format!("camera {parameter}"));
     }
     for axis in 0..OF_TILT {
         let changed = signs.map(|step| {
@@ -69,10 +69,10 @@ fn derivatives_of_a_sighting_are_those_of_finite_differences() {
             tilt_rad[axis] += step;
             flight.rows(&cameras, tilt_rad)
         });
-        check(&|it| it.by_tilt.column(axis).into(), &rows, changed, STEP, &format!("tilt {axis}"));
+        check(&|it| it.by_common.column(OF_CAMERA + axis).into(), &rows, changed, STEP, &format!("tilt {axis}"));
     }
     for parameter in 0..7 {
         let changed = signs.map(|step| flight.changed(parameter, step).rows(&cameras, TILT_RAD));
-        check(&|it| it.by_flight.column(parameter).into(), &rows, changed, STEP, &format!("flight {parameter}"));
+        check(&|it| it.by_own.column(parameter).into(), &rows, changed, STEP, &format!("flight {parameter}"));
     }
 }

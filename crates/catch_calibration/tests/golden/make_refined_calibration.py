@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 G = np.array([0.0, 0.0, -9.81])
 CAMERAS, FLIGHTS, TIMES = 2, 4, np.arange(0.0, 0.7, 0.05)
 OF_CAMERA, OF_FLIGHT = 11, 7 + 3 * CAMERAS
-# Those of `FlightSettings::default()`.
+# Those of `catch_calibration::flights`.
 TILT_SD = np.radians(0.05)
 DRAG_SD = 0.1
 OFFSET_SD = np.array([0.0002, 0.0002, 0.01])

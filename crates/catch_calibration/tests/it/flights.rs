@@ -3,7 +3,7 @@
 use catch_body::Pose;
 use catch_calibration::{
     CAMERA_PARAMETERS, Calibration, CalibrationStatus, CameraCalibration, Residuals,
-    flights::{Flight, FlightSettings, FlightStatus, Refinement, Sighting, refine},
+    flights::{FLIGHT_OFFSET_SD_M, Flight, FlightStatus, OFFSET_SD_M, Refinement, Sighting, TILT_SD_RAD, refine},
 };
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SMatrix, Translation3, UnitQuaternion, Vector3, Vector6};
 use rand::{RngExt, SeedableRng};
@@ -46,7 +46,6 @@ struct World {
     calibration: Calibration,
     offsets: Vec<Vector3<f64>>,
     tilt: Vector3<f64>,
-    settings: FlightSettings,
 }
 
 fn looking(from: [f64; 3]) -> Pose {
@@ -99,12 +98,9 @@ impl World {
             joint_zero_rad: Vec::new(),
             link_offset_m: Vec::new(),
         };
-        let settings = FlightSettings::default();
-        let [across, along] = settings.offset_sd_m;
-        let offsets = (0..cameras).map(|_| random.vector([across, across, along])).collect();
-        let tilt_sd_rad = settings.tilt_sd_rad;
-        let tilt = random.vector([tilt_sd_rad, tilt_sd_rad, 0.0]);
-        Self { true_poses, calibration, offsets, tilt, settings }
+        let offsets = (0..cameras).map(|_| random.vector(OFFSET_SD_M)).collect();
+        let tilt = random.vector([TILT_SD_RAD, TILT_SD_RAD, 0.0]);
+        Self { true_poses, calibration, offsets, tilt }
     }
 
     /// A flight that the cameras see which `sees` names; scale and time offset of all are zero in truth.
@@ -113,9 +109,7 @@ impl World {
         let v = Vector3::new(0.0, -4.0, 3.5) + random.vector([0.7, 0.7, 0.5]);
         let g = Vector3::new(0.0, 0.0, -9.81);
         let (g, drag_per_m, step_s) = (g + self.tilt.cross(&g), 0.01 + 0.003 * random.normal(), 1e-3);
-        let [across, along] = self.settings.flight_offset_sd_m;
-        let offsets: Vec<Vector3<f64>> =
-            self.offsets.iter().map(|it| it + random.vector([across, across, along])).collect();
+        let offsets: Vec<Vector3<f64>> = self.offsets.iter().map(|it| it + random.vector(FLIGHT_OFFSET_SD_M)).collect();
         let (mut p, mut v, mut sightings) = (p, v, Vec::new());
         for step in 0..800 {
             for (camera, X_WC) in self.true_poses.iter().enumerate().filter(|(i, _)| step % 12 == 0 && sees(*i)) {
@@ -142,7 +136,7 @@ impl World {
     }
 
     fn refined(&self, flights: &[Flight]) -> Refinement {
-        refine(&self.calibration, flights, &self.settings)
+        refine(&self.calibration, flights)
     }
 
     /// Error of a camera: rotation, then translation.
@@ -272,12 +266,13 @@ fn noise_that_nobody_said_makes_claims_larger_but_not_larger_than_before() {
 #[test]
 fn a_single_camera_tells_the_vertical() {
     let mut random = Random::new(10);
-    let mut world = World::new(2, &mut random);
-    world.settings.tilt_sd_rad = 0.01;
+    let world = World::new(2, &mut random);
     let flights: Vec<Flight> = (0..20).map(|_| world.flight(&mut random, 1.0, |camera| camera == 1)).collect();
     let found = world.refined(&flights);
     assert_eq!((found.status, found.flights), (FlightStatus::Refined, 20));
-    assert!(found.tilt_sd_rad.iter().all(|it| *it < 0.005), "{:?}", found.tilt_sd_rad);
+    // What the flights tell of it beside what a level does.
+    let told_sd_rad = found.tilt_sd_rad.map(|it| (it.powi(-2) - TILT_SD_RAD.powi(-2)).powf(-0.5));
+    assert!(told_sd_rad.iter().all(|it| *it < 0.005), "{told_sd_rad:?}");
     // The errors in common to the cameras are known better by the first one's camera, too, and that is all.
     let sd = |it: &Calibration| it.cameras[0].covariance.fixed_view::<3, 3>(3, 3).trace().sqrt();
     assert!(sd(&found.calibration) <= sd(&world.calibration) * (1.0 + 1e-9));
@@ -313,9 +308,9 @@ fn flights_that_tell_nothing_change_nothing() {
     }
     let mut failed = world.calibration.clone();
     failed.cameras.iter_mut().for_each(|it| it.status = CalibrationStatus::PoorFit);
-    assert_eq!(refine(&failed, std::slice::from_ref(&flight), &world.settings).status, FlightStatus::TooFewSightings);
+    assert_eq!(refine(&failed, std::slice::from_ref(&flight)).status, FlightStatus::TooFewSightings);
     failed.cameras[1].status = CalibrationStatus::Converged;
-    let found = refine(&failed, std::slice::from_ref(&flight), &world.settings);
+    let found = refine(&failed, std::slice::from_ref(&flight));
     assert_eq!((found.status, &found.calibration.cameras[0]), (FlightStatus::Refined, &failed.cameras[0]));
     // A single sighting that is none is left out.
     let mut one = flight.clone();
@@ -367,7 +362,7 @@ fn a_refinement_is_that_of_scipy() {
     };
     let flight = |it: &Value| Flight { sightings: it.as_array().unwrap().iter().map(sighting).collect() };
     let flights: Vec<Flight> = golden["flights"].as_array().unwrap().iter().map(flight).collect();
-    let found = refine(&calibration, &flights, &FlightSettings::default());
+    let found = refine(&calibration, &flights);
     assert_eq!((found.status, found.variance_factor), (FlightStatus::Refined, 1.0));
     for (i, expected) in golden["refined"].as_array().unwrap().iter().enumerate() {
         let (camera, row) = (&found.calibration.cameras[i], CAMERA_PARAMETERS * i);

@@ -6,9 +6,9 @@ use catch_calibration::{Calibration, CalibrationStatus, CameraCalibration, Resid
 use catch_cell::{CameraModel, RigCalibration, rig_to_toml};
 use catch_import::ros_calibration::{camera_info_yaml, hand_eye_yaml};
 use catch_lab::scenario::setup::Setup;
+use catch_recording::name_of;
 
 use super::CalibrateArguments;
-use crate::screen::name_of;
 
 /// Paths of the results.
 pub struct Places {

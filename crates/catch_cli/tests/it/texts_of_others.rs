@@ -31,16 +31,3 @@ fn names_are_no_commands() {
         assert!(said.contains("owned") && !said.contains(['\u{1b}', '\u{7}']), "{said:?}");
     }
 }
-
-#[test]
-fn names_are_found_in_any_form_of_unicode() {
-    let folder = tempfile::tempdir().unwrap();
-    let ball = stdout(&catchingbot(&["list", "--show", "tennis_ball"]));
-    fs::write(folder.path().join("cafe\u{301}.toml"), ball).unwrap();
-    let composed = folder.path().join("caf\u{e9}.toml");
-    let output = catchingbot(&["check", composed.to_str().unwrap()]);
-    assert!(output.status.success(), "{}{}", stdout(&output), stderr(&output));
-    let out = folder.path().join("o");
-    let output = catchingbot(&["--object", composed.to_str().unwrap(), "--out", out.to_str().unwrap()]);
-    assert!(output.status.success(), "{}", stderr(&output));
-}

@@ -3,7 +3,7 @@
 use catch_body::Pose;
 use catch_calibration::{
     Calibration,
-    flights::{Flight, FlightSettings, FlightStatus, refine},
+    flights::{Flight, FlightStatus, refine},
 };
 use catch_lab::scenario::setup::{Setup, calibration::observe_flights};
 use nalgebra::Point3;
@@ -63,7 +63,7 @@ pub fn refined(
     // The arena's clocks are right: what remains of the offsets is the calibration's error.
     calibration.cameras.iter_mut().zip(clocks).for_each(|(camera, clock_s)| camera.time_offset_s -= clock_s);
     let flights = observed.get_or_insert_with(|| observe_flights(setup, &calibration, &setup.cameras, FLIGHTS, scene));
-    let found = refine(&calibration, flights, &FlightSettings::default());
+    let found = refine(&calibration, flights);
     Refined {
         before: Stage::new(setup, &calibration),
         after: Stage::new(setup, &found.calibration),

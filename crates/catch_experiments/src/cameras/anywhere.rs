@@ -8,10 +8,8 @@ use catch_body::pose::look_at;
 use catch_cell::CameraModel;
 use catch_lab::{
     assets::Kind,
-    camera_placement::{self, PlacementStudy, expected_rate},
-    parallel, referee,
+    camera_placement::{self, FlightScore, PlacementStudy, expected_rate},
     scenario::setup::{Choice, Setup},
-    trial,
 };
 use catch_sim::random_streams::{Draws, Stream};
 use nalgebra::{Matrix3, Point3, Vector3};
@@ -19,15 +17,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     Options, kept,
+    rates::judged,
     results::{Entry, Table},
     spread::{percent, rate},
 };
-
-pub const LEGEND: &str = "\n\nTwo cameras *anywhere* stand on tripods, in the scenario `lab`: 1.5 to 3.5 m from the base in any direction, 0.8 to 2.5 m high, looking at \
-the working space. Images are of a RealSense D435 or D455 (848×480, 90 Hz) or of an Orbbec Femto Bolt (640×576, 30 Hz), depth errors those of `lab`. The \
-arm calibrates each rig. *Seen* are throws that two cameras \
-show for 0.25 s or more until 0.3 s before the catch. Expected rates, by `place-cameras`, are a logistic regression, fitted to ten other rigs, with coefficients of \
-balls, of other objects, and of the logarithm of the standard deviation (mm) at the decision.";
 
 /// Rigs to which expected rates are fitted.
 const FITTED: Range<u64> = 0..10;
@@ -81,17 +74,15 @@ fn cameras(kind: &CameraModel, rig: u64) -> Vec<CameraModel> {
 fn thrown(rig: u64, setup: &Setup, options: &Options) -> Result<Vec<Thrown>> {
     let seed = options.seed + rig;
     let trials = (PER_TRIAL * options.trials as f64).ceil() as u64;
-    setup.prepare();
     let config = camera_placement::Config { seed, throws: trials, ..Default::default() };
     let score = PlacementStudy::new(setup, &config)?.score(&setup.used_cameras(seed));
     let is_round = expected_rate::is_round(setup);
-    let result = |index: usize| {
-        let trial = trial::run_unobserved(&mut setup.brain(seed, index as u64), setup, seed, index as u64);
-        let flight = &score.flights[index];
+    let result = |(caught, flight): (bool, &FlightScore)| {
         let features = expected_rate::features(flight, is_round);
-        Thrown { caught: referee::judge(setup, &trial).caught, shown_by_two_s: flight.shown_by_two_s, features }
+        Thrown { caught, shown_by_two_s: flight.shown_by_two_s, features }
     };
-    Ok(parallel::map(trials as usize, result))
+    let caught = judged(setup, seed, 0..trials, |_, verdict| verdict.caught);
+    Ok(caught.into_iter().zip(&score.flights).map(result).collect())
 }
 
 /// All throws of a rig, by throw and object.

@@ -8,8 +8,8 @@ use catch_lab::{
     trial,
 };
 use catch_recording::brain::ObservedBrain;
-use catch_sim::Arena;
-use nalgebra::Vector3;
+use catch_sim::{Arena, Throw};
+use nalgebra::{Point3, Vector3};
 
 const SEED: u64 = 5;
 const THROWS: u64 = 4;
@@ -132,6 +132,14 @@ fn a_quarter_of_the_step_changes_few_of_200_verdicts() {
     }
 }
 
+/// The throw `near` with another release.
+fn near_from(p_WO: &Point3<f64>, v_WO: &Vector3<f64>) -> Throw {
+    let (_, orientations) = include_str!("../../../../assets/throws/near.toml").split_once("spin_radps").unwrap();
+    let [p_m, v_mps] = [p_WO.coords, *v_WO].map(<[f64; 3]>::from);
+    let motion = format!("[motion]\nkind = \"fixed\"\nposition_m = {p_m:?}\nvelocity_mps = {v_mps:?}\n");
+    Throw::from_toml("near.toml", &format!("{motion}spin_radps{orientations}")).unwrap()
+}
+
 /// The mirror image at the plane y = 0 of a throw, of the arm's ready pose and of nothing else: this arm, its
 /// gripper and the cameras' rig are their own images. Motions need not be mirrored; verdicts are.
 #[test]
@@ -149,9 +157,9 @@ fn a_mirrored_scene_has_mirrored_verdicts() {
         let release = one.release(SEED, 0);
         let mut v_WO = release.v_WO + Vector3::new(0.0, aside_mps, 0.0);
         let mut p_WO = release.p_WO;
-        let thrown = caught_alone(&one.with_throw("one".to_owned(), one.throw.moved(&p_WO, &v_WO)), 0);
+        let thrown = caught_alone(&one.with_throw("one".to_owned(), near_from(&p_WO, &v_WO)), 0);
         (p_WO.y, v_WO.y) = (-p_WO.y, -v_WO.y);
-        (thrown, caught_alone(&other.with_throw("other".to_owned(), other.throw.moved(&p_WO, &v_WO)), 0))
+        (thrown, caught_alone(&other.with_throw("other".to_owned(), near_from(&p_WO, &v_WO)), 0))
     });
     assert!(verdicts.iter().all(|(one, other)| one == other), "{verdicts:?}");
     assert!([true, false].iter().all(|it| verdicts.iter().any(|(one, _)| one == it)), "{verdicts:?}");

@@ -1,7 +1,7 @@
 //! Measurements of depth cameras: the exact images, with the errors of [`DepthConfig`] added to them.
 
 use catch_body::Pose;
-use catch_cell::{CameraModel, DepthFrame, PixelWindow};
+use catch_cell::{CameraModel, DepthFrame, PixelWindow, camera::among_neighbours};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use crate::{
@@ -338,24 +338,4 @@ impl StereoNoise {
         }
         image
     }
-}
-
-/// Values that `pick` chooses for each pixel of an image, `wide` pixels wide, among all within `reach` rows
-/// and columns.
-fn among_neighbours(values: &[f32], wide: usize, reach: usize, pick: impl Fn(f32, f32) -> f32 + Copy) -> Vec<f32> {
-    let merge =
-        |into: &mut [f32], from: &[f32]| into.iter_mut().zip(from).for_each(|(into, from)| *into = pick(*into, *from));
-    let mut in_rows = values.to_vec();
-    for (into, from) in in_rows.chunks_mut(wide.max(1)).zip(values.chunks(wide.max(1))) {
-        for apart in 1..=reach.min(wide) {
-            merge(&mut into[apart..], from);
-            merge(into, &from[apart..]);
-        }
-    }
-    let mut all = in_rows.clone();
-    for apart in (1..=reach).map(|rows| rows * wide).take_while(|apart| *apart < values.len()) {
-        merge(&mut all[apart..], &in_rows);
-        merge(&mut all, &in_rows[apart..]);
-    }
-    all
 }

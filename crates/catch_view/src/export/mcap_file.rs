@@ -87,7 +87,7 @@ pub fn mcap(playback: &Playback, images: Images) -> Result<(Vec<u8>, usize), Mca
     for (i, tick) in playback.ticks.iter().enumerate() {
         let now_s = tick.observation.time_s;
         while let Some(entry) = events.next_if(|entry| entry.time_s <= now_s) {
-            log.event(entry.time_s, entry.event.label(), &entry.detail)?;
+            log.event(entry.time_s, &entry.event.label(), &entry.detail)?;
         }
         log.tick(playback, &links, tick)?;
         if i % images_every == 0 {
@@ -99,7 +99,7 @@ pub fn mcap(playback: &Playback, images: Images) -> Result<(Vec<u8>, usize), Mca
         }
     }
     for entry in events {
-        log.event(entry.time_s, entry.event.label(), &entry.detail)?;
+        log.event(entry.time_s, &entry.event.label(), &entry.detail)?;
     }
     log.writer.finish()?;
     drop(log);
