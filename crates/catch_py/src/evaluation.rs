@@ -28,7 +28,7 @@ pub fn evaluate<'py>(
     evaluation: &Evaluation,
     threads: usize,
     python: &Ending,
-    progress: Option<Py<PyAny>>,
+    progress: Option<&Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let mut rows: Vec<Row> = Vec::new();
     let mut ending = None;
@@ -38,7 +38,7 @@ pub fn evaluate<'py>(
             let told = python.check().and_then(|()| {
                 Python::attach(|py| {
                     py.check_signals()?;
-                    progress.as_ref().map_or(Ok(()), |it| it.call1(py, (rows.len(), evaluation.trials)).map(drop))
+                    progress.map_or(Ok(()), |it| it.call1(py, (rows.len(), evaluation.trials)).map(drop))
                 })
             });
             told.map_err(|it| {

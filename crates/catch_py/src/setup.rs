@@ -257,7 +257,7 @@ impl Setup {
         py.detach(|| lab.prepare());
         let evaluation = Evaluation { cells: vec![Cell::with_brain(lab.as_ref().clone(), brain)], seed, first, trials };
         let threads = threads.map_or_else(parallel::threads, |it| it as usize);
-        evaluate(py, &evaluation, threads, &python, progress.map(Bound::unbind))
+        evaluate(py, &evaluation, threads, &python, progress.map(Bound::unbind).as_ref())
     }
 
     /// A catch of `flight` for an arm with joint positions `q` and velocities `dq` at the time `now_s` on the
