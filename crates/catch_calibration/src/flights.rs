@@ -20,7 +20,9 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3};
 use serde::Serialize;
 
 use super::{CAMERA_PARAMETERS, Calibration, CalibrationStatus, coarse::moved};
-use equations::{CameraState, FlightEquations, FlightState, OF_CAMERA, OF_FLIGHT, OF_OFFSET, OF_TILT, Seen};
+use equations::{
+    CameraState, FlightEquations, FlightState, OF_CAMERA, OF_FLIGHT, OF_OFFSET, OF_TILT, Seen, inverse_variance,
+};
 
 /// Steps, at most.
 const STEPS: usize = 40;
@@ -197,9 +199,9 @@ impl Problem {
         }
         for (camera, axis) in (0..refined.len()).flat_map(|camera| (0..OF_OFFSET).map(move |axis| (camera, axis))) {
             let at = OF_CAMERA * camera + CAMERA_PARAMETERS + axis;
-            prior[(at, at)] = OFFSET_SD_M[axis].powi(-2);
+            prior[(at, at)] = inverse_variance(OFFSET_SD_M[axis]);
         }
-        (0..OF_TILT).for_each(|i| prior[(common + i, common + i)] = TILT_SD_RAD.powi(-2));
+        (0..OF_TILT).for_each(|i| prior[(common + i, common + i)] = inverse_variance(TILT_SD_RAD));
         let (calibrated, tilt_rad) = (cameras.clone(), [0.0; 2]);
         Some(Self { refined, calibrated, cameras, tilt_rad, flights, prior, factor: 1.0 })
     }

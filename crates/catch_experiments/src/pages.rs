@@ -21,7 +21,6 @@ struct Page {
 
 /// A table; the columns of a condition are parts of it by their names.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct Listed {
     title: String,
     across: Option<String>,

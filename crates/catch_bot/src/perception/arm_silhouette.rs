@@ -5,7 +5,7 @@ use nalgebra::{Point2, Vector2};
 /// Where crossings are looked for.
 #[derive(Debug, Clone, Copy)]
 pub struct Search {
-    /// Pixels to each side of a crossing that show the arm on one side and nothing on the other; at least one.
+    /// Pixels to each side of a crossing, one at least: the arm on one side, nothing on the other.
     pub reach_px: usize,
     /// Steps in which a crossing is found between two pixels.
     pub bisections: usize,

@@ -96,6 +96,11 @@ pub struct FlightEquations {
     coupling: DMatrix<f64>,
 }
 
+/// Inverse variance. A compiler rounds a constant's power otherwise than a processor does.
+pub fn inverse_variance(sd: f64) -> f64 {
+    (sd * sd).recip()
+}
+
 /// The law of motion where the vertical is off by these rotations about x and y of W: g + θ × g. Of the
 /// motion's parameters they are the last two.
 pub fn law(drag_per_m: f64, [x, y]: [f64; 2]) -> Law<6> {
@@ -213,8 +218,8 @@ impl FlightState {
             own_by.iter().enumerate().for_each(|(i, value)| own_pull[own_place(i)] += value);
         }
         let mut prior = |at: usize, value: f64, sd: f64| {
-            own_information[(at, at)] += sd.powi(-2);
-            own_pull[at] -= value * sd.powi(-2);
+            own_information[(at, at)] += inverse_variance(sd);
+            own_pull[at] -= value * inverse_variance(sd);
         };
         prior(DRAG, self.drag_per_m, DRAG_SD_PER_M);
         for (i, offset) in self.offsets.iter().enumerate() {

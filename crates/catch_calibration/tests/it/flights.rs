@@ -271,7 +271,7 @@ fn a_single_camera_tells_the_vertical() {
     let found = world.refined(&flights);
     assert_eq!((found.status, found.flights), (FlightStatus::Refined, 20));
     // What the flights tell of it beside what a level does.
-    let told_sd_rad = found.tilt_sd_rad.map(|it| (it.powi(-2) - TILT_SD_RAD.powi(-2)).powf(-0.5));
+    let told_sd_rad = found.tilt_sd_rad.map(|it| (it.powi(-2) - TILT_SD_RAD.powi(-2)).sqrt().recip());
     assert!(told_sd_rad.iter().all(|it| *it < 0.005), "{told_sd_rad:?}");
     // The errors in common to the cameras are known better by the first one's camera, too, and that is all.
     let sd = |it: &Calibration| it.cameras[0].covariance.fixed_view::<3, 3>(3, 3).trace().sqrt();
