@@ -6,8 +6,6 @@
 
 mod depth_images;
 mod draft;
-mod gltf;
-mod gltf_accessor;
 mod mass;
 mod normal_signs;
 mod scan;
