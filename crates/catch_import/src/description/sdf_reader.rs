@@ -26,8 +26,6 @@ const MOMENT_KGM2: Quantity = Quantity { least: -1e9, most: 1e9, unit: "kg·m²"
 /// Densities that are stated, and the one that SDF means where none is.
 const DENSITY_KGPM3: Quantity = Quantity { least: 0.0, most: 1e5, unit: "kg/m³" };
 const WATER_KGPM3: f64 = 1000.0;
-/// Friction coefficients, some of which are none of a surface: of some simulators -1 is that nothing slips.
-const FRICTION: Quantity = Quantity { least: -f64::MAX, most: f64::MAX, unit: "" };
 
 /// Names that only place, move, draw or sense; friction and bounce are found within `<surface>`.
 const HARMLESS: Harmless = &[
@@ -146,8 +144,9 @@ fn friction(link: Node<'_>) -> Result<(Option<f64>, Vec<String>), InputError> {
         let mut used = None;
         for names in [&["drake:mu_dynamic"][..], &["mu", "mu2"], &["friction", "friction2"]] {
             let stated = collision.descendants().filter(|it| names.contains(&it.name()) && !it.text().is_empty());
+            // Some of them are none of a surface: of some simulators -1 is that nothing slips.
             let stated: Vec<_> =
-                stated.map(|it| Ok((it.name(), it.number(FRICTION)?))).collect::<Result<_, InputError>>()?;
+                stated.map(|it| Ok((it.name(), it.number(quantity::FINITE)?))).collect::<Result<_, InputError>>()?;
             used = used.or(stated.iter().map(|it| it.1).reduce(f64::min));
             all.extend(stated);
         }
@@ -198,22 +197,16 @@ fn filled(node: Node, parts: &Parts, density: f64, mass: Option<f64>) -> Result<
 fn geometry(node: Node, link: &str) -> Result<Option<Geometry>, InputError> {
     let Some(geometry) = node.child("geometry") else { return Ok(None) };
     let X_LS = pose(node, link)?;
-    let needed = |of: Node<'_>, name: &'static str| {
-        let missing = of.fault(format!("no <{name}>"), format!("an element <{name}>"));
-        of.child(name).map(|it| it.number(EXTENT_M)).ok_or(missing)?
-    };
-    let three = |of: Node<'_>, name: &'static str, range| {
-        let missing = of.fault(format!("no <{name}>"), "three lengths in metres");
-        of.child(name).map(|it| it.numbers::<3>(range)).ok_or(missing)?.map(Vector3::from)
-    };
+    let length = |of: Node, name| of.required(name)?.number(EXTENT_M);
+    let three = |of: Node, name, range| of.required(name)?.numbers::<3>(range).map(Vector3::from);
     let shape = if let Some(it) = geometry.child("box") {
         Shape::Cuboid(three(it, "size", EXTENT_M)?)
     } else if let Some(it) = geometry.child("cylinder") {
-        Shape::Cylinder { radius_m: needed(it, "radius")?, length_m: needed(it, "length")? }
+        Shape::Cylinder { radius_m: length(it, "radius")?, length_m: length(it, "length")? }
     } else if let Some(it) = geometry.child("capsule") {
-        Shape::Capsule { radius_m: needed(it, "radius")?, length_m: needed(it, "length")? }
+        Shape::Capsule { radius_m: length(it, "radius")?, length_m: length(it, "length")? }
     } else if let Some(it) = geometry.child("sphere") {
-        Shape::Sphere(needed(it, "radius")?)
+        Shape::Sphere(length(it, "radius")?)
     } else if let Some(it) = geometry.child("ellipsoid") {
         Shape::Ellipsoid(three(it, "radii", EXTENT_M)?)
     } else if let Some(it) = geometry.child("mesh") {
@@ -316,7 +309,7 @@ mod tests {
             ("sdf", "urdf", "found <urdf>"),
             ("<mass>0.3", "<mass>heavy", "link can.inertial.mass: found `heavy`"),
             (">0.9<", ">9<", "bounce.restitution_coefficient: found `9`"),
-            ("<radius>0.03</radius>", "", "no <radius>"),
+            ("<radius>0.03</radius>", "", "geometry.cylinder.radius: found nothing, expected an element <radius>"),
             ("<pose>0 0 0.1 1.5707963 0 0", "<pose>0 0 0.1", "visual v.pose: found `0 0 0.1`"),
             ("package://a/can.gltf", "", "a mesh without <uri>"),
         ] {
