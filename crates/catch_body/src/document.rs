@@ -86,16 +86,18 @@ impl Document {
         }
     }
 
-    /// The columns of a table as a tree: an entry for each name of a header, whose text is the column's
-    /// number from zero.
+    /// The columns of a table as a tree: an entry for each name of a header, in small letters and without
+    /// quotes, whose text is the column's number from zero.
     ///
     /// # Errors
     /// A name twice.
     pub fn from_columns(file: &str, line: usize, header: &[&str]) -> Result<Self, InputError> {
         let mut document = Self::new(file, Format::Columns);
         let root = document.add(NONE, "", line as u32)?;
-        for (i, name) in header.iter().enumerate() {
-            if !name.is_empty() && header[..i].contains(name) {
+        let clean = |it: &&str| it.to_lowercase().trim_matches(['"', '\'', '/']).to_owned();
+        let names: Vec<String> = header.iter().map(clean).collect();
+        for (i, name) in names.iter().enumerate() {
+            if !name.is_empty() && names[..i].contains(name) {
                 let found = format!("the column `{name}` twice");
                 return Err(InputError::new(file, format!("line {line}"), found, "each column once"));
             }
@@ -103,6 +105,11 @@ impl Document {
             document.parts[column as usize].text = i.to_string().into();
         }
         Ok(document)
+    }
+
+    /// The number of the column with the first of these names that a header has.
+    pub fn column(&self, names: &[&'static str]) -> Option<usize> {
+        names.iter().find_map(|name| self.root().child(name)?.text().parse().ok())
     }
 
     /// Adds a part behind the last child of `parent`, which is [`NONE`] for the root; its number.
@@ -239,8 +246,8 @@ mod tests {
 
     #[test]
     fn columns_are_a_tree_too() {
-        let columns = Document::from_columns("a.csv", 1, &["t", "w"]).unwrap();
-        assert_eq!(columns.root().child("t").unwrap().text(), "0");
+        let columns = Document::from_columns("a.csv", 1, &["\"T\"", "w"]).unwrap();
+        assert_eq!((columns.column(&["s", "t"]), columns.column(&["s"])), (Some(0), None));
         assert!(columns.finish(&[]).unwrap_err().to_string().contains("line 1: w: found the column `w`"));
         assert!(Document::from_columns("a.csv", 1, &["t", "t"]).is_err());
     }

@@ -109,6 +109,17 @@ impl<'a> FileKind<'a> {
     }
 }
 
+/// Paths of what is in a folder, in the order of their names; `expected` says what the folder should be.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn paths_in(folder: &Path, expected: &str) -> Result<Vec<PathBuf>, InputError> {
+    let fault = |it: io::Error| InputError::new(folder.display(), "the folder", it, expected);
+    let mut paths: Vec<PathBuf> = fs::read_dir(folder).map_err(fault)?.flatten().map(|it| it.path()).collect();
+    paths.sort();
+    Ok(paths)
+}
+
 /// Finds the file that a path means where the disk spells its names in another form of Unicode, as file
 /// systems and editors differ: `é` is one character or two. The path itself where there is nothing like it.
 pub fn as_spelt(path: &Path) -> PathBuf {
