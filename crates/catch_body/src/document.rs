@@ -118,7 +118,8 @@ impl Document {
     /// If there are too many.
     pub fn add(&mut self, parent: u32, name: &str, line: u32) -> Result<u32, InputError> {
         if self.parts.len() >= MOST_PARTS {
-            return Err(too_many(&self.file));
+            let expected = format!("at most {MOST_PARTS} elements, attributes and items");
+            return Err(InputError::new(&self.file, "content", "more elements", expected));
         }
         let name = match self.by_name.get(name) {
             Some(known) => *known,
@@ -212,10 +213,6 @@ impl Document {
         }
         None
     }
-}
-
-fn too_many(file: &str) -> InputError {
-    InputError::new(file, "content", "more elements", format!("at most {MOST_PARTS} elements, attributes and items"))
 }
 
 #[cfg(test)]

@@ -226,10 +226,7 @@ fn unreasoned(files: &RobotFiles, of: &str, assumed: bool, reason: Option<&Strin
 /// Orders the URDF's revolute joints from base to tip and returns them with the base link's name.
 fn serial_chain(files: &RobotFiles, urdf: &Urdf, extra: &RobotFile) -> Result<(String, Vec<Joint>), InputError> {
     let fault = |field: String, found: String, expected: &str| InputError::new(files.urdf_file, field, found, expected);
-    let roots = urdf.roots();
-    let [base] = roots[..] else {
-        return Err(fault("link".into(), format!("{} links without a parent", roots.len()), "one base link"));
-    };
+    let base = urdf.root;
     let (mut joints, mut faults, mut count) = (Vec::new(), Vec::new(), 0);
     // The base does not move, so it needs no mass. What is said of it has to be right all the same.
     let of_base = urdf.links[base];

@@ -84,12 +84,12 @@ pub fn parse(file: &str, text: &str) -> Result<Document, InputError> {
 pub struct Urdf<'a> {
     /// Name of the robot.
     pub name: String,
+    /// The link that no joint moves.
+    pub root: &'a str,
     /// Links by their names.
     pub links: BTreeMap<&'a str, Node<'a>>,
     /// Joints by the names of their parents.
     joints: BTreeMap<&'a str, Vec<Node<'a>>>,
-    /// Links that some joint moves.
-    children: HashSet<&'a str>,
     /// Transmissions, which drive the joints.
     pub transmissions: Vec<Node<'a>>,
 }
@@ -98,47 +98,41 @@ impl<'a> Urdf<'a> {
     /// Reads the links and joints of a robot.
     ///
     /// # Errors
-    /// An element without a name, two of one name, a joint whose parent or child is missing.
+    /// An element without a name, two of one name, a joint whose parent or child is missing, several links
+    /// that no joint moves.
     pub fn read(document: &'a Document) -> Result<Self, InputError> {
-        let root = document.root();
-        let name = root.attribute("name").unwrap_or_default().to_owned();
-        let transmissions = root.children("transmission").collect();
-        let mut urdf =
-            Self { name, links: BTreeMap::new(), joints: BTreeMap::new(), children: HashSet::new(), transmissions };
-        let mut names = HashSet::new();
-        for node in root.children("link").chain(root.children("joint")) {
+        let robot = document.root();
+        let (mut links, mut joints) = (BTreeMap::new(), BTreeMap::<&str, Vec<Node>>::new());
+        let (mut names, mut children) = (HashSet::new(), HashSet::new());
+        for node in robot.children("link").chain(robot.children("joint")) {
             let (kind, name) = (node.name(), node.text_of("name")?);
             if !names.insert((kind, name)) {
                 return Err(node.fault("the name twice", format!("one {kind} of each name")));
             }
             if kind == "link" {
-                urdf.links.insert(name, node);
-            } else {
-                let [parent, child] =
-                    [node.required("parent")?.text_of("link")?, node.required("child")?.text_of("link")?];
-                if !urdf.children.insert(child) {
-                    let found = format!("the link {child}, which another joint moves, too");
-                    return Err(node.fault_of("child", found, "a link of its own for each joint"));
-                }
-                urdf.joints.entry(parent).or_default().push(node);
+                links.insert(name, node);
+                continue;
             }
-        }
-        for (parent, joints) in &urdf.joints {
-            for joint in joints {
-                let child = joint.required("child")?.text_of("link")?;
-                let mut ends = [("parent", *parent), ("child", child)].into_iter();
-                if let Some((of, missing)) = ends.find(|it| !urdf.links.contains_key(it.1)) {
-                    let found = format!("the link `{missing}`, which is not there");
-                    return Err(joint.fault_of(of, found, "the name of a link"));
+            let [parent, child] = [node.required("parent")?.text_of("link")?, node.required("child")?.text_of("link")?];
+            for (of, link) in [("parent", parent), ("child", child)] {
+                if !links.contains_key(link) {
+                    let found = format!("the link `{link}`, which is not there");
+                    return Err(node.fault_of(of, found, "the name of a link"));
                 }
             }
+            if !children.insert(child) {
+                let found = format!("the link {child}, which another joint moves, too");
+                return Err(node.fault_of("child", found, "a link of its own for each joint"));
+            }
+            joints.entry(parent).or_default().push(node);
         }
-        Ok(urdf)
-    }
-
-    /// Names of the links that no joint moves.
-    pub fn roots(&self) -> Vec<&'a str> {
-        self.links.keys().copied().filter(|link| !self.children.contains(link)).collect()
+        let roots: Vec<&str> = links.keys().copied().filter(|link| !children.contains(link)).collect();
+        let [root] = roots[..] else {
+            let found = format!("{} links without a parent", roots.len());
+            return Err(InputError::new(document.file(), "link", found, "one base link"));
+        };
+        let name = robot.attribute("name").unwrap_or_default().to_owned();
+        Ok(Self { name, root, links, joints, transmissions: robot.children("transmission").collect() })
     }
 
     /// The joints whose parent is `link`.

@@ -17,12 +17,17 @@ use nalgebra::{Matrix3, Unit, Vector3};
 
 use catch_body::{
     Pose, TriangleMesh,
+    quantity::Quantity,
     robot::Inertia,
     shape::{Capsule, Cuboid},
 };
 
 pub use chain::{Body, Chain, ChainJoint, Fingers, Selection};
 
+/// Extents of a shape.
+const EXTENT_M: Quantity = Quantity { least: 0.0, most: 1e4, unit: "m" };
+/// Factors on the axes of a mesh; a mirrored one has a negative factor.
+const MESH_SCALE: Quantity = Quantity { least: -1000.0, most: 1000.0, unit: "m per unit" };
 /// Sides of the polygons that stand for circles.
 const SIDES: u32 = 32;
 /// Number of times that the triangles of an ellipsoid are divided in four, and the factor by which they are
@@ -31,7 +36,7 @@ const BALL_DIVISIONS: u32 = 4;
 const BALL_WIDER: f64 = 1.001;
 
 /// A tree of links and joints.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Description {
     /// Name of the file in errors.
     pub file: String,

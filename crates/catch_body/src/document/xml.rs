@@ -1,6 +1,6 @@
 //! XML as a document: elements with their attributes and all of their text, comments left out.
 
-use roxmltree::{Attribute, Error, Node, ParsingOptions};
+use roxmltree::{Error, Node, ParsingOptions};
 
 use super::{Document, Format, MOST_PARTS, NONE};
 use crate::InputError;
@@ -51,9 +51,10 @@ impl Document {
             let start = node.range().start;
             line += source.as_bytes()[counted..start].iter().filter(|it| **it == b'\n').count() as u32;
             counted = start;
-            let index = document.add(parent, &name(node), line)?;
+            let index =
+                document.add(parent, &prefixed(node.tag_name().name(), node.tag_name().namespace(), node), line)?;
             for attribute in node.attributes() {
-                let of = document.add(index, &attribute_name(node, &attribute), line)?;
+                let of = document.add(index, &prefixed(attribute.name(), attribute.namespace(), node), line)?;
                 let part = &mut document.parts[of as usize];
                 (part.is_attribute, part.text) = (true, attribute.value().into());
             }
@@ -69,16 +70,11 @@ impl Document {
     }
 }
 
-/// The name of an element, with its prefix where it is in another name space than all around it.
-fn name(node: Node) -> String {
-    let name = node.tag_name();
-    let prefix = name.namespace().and_then(|uri| node.lookup_prefix(uri));
-    prefix.map_or_else(|| name.name().to_owned(), |prefix| format!("{prefix}:{}", name.name()))
-}
-
-fn attribute_name(node: Node, attribute: &Attribute) -> String {
-    let prefix = attribute.namespace().and_then(|uri| node.lookup_prefix(uri));
-    prefix.map_or_else(|| attribute.name().to_owned(), |prefix| format!("{prefix}:{}", attribute.name()))
+/// The name of an element or of its attribute, with its prefix where it is in another name space than all
+/// around it.
+fn prefixed(name: &str, name_space: Option<&str>, node: Node) -> String {
+    let prefix = name_space.and_then(|uri| node.lookup_prefix(uri));
+    prefix.map_or_else(|| name.to_owned(), |prefix| format!("{prefix}:{name}"))
 }
 
 /// Checks that a parser's work with a text grows no faster than its length.

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
-use super::{Description, Geometry, Link, Shape};
+use super::{Description, EXTENT_M, Geometry, Link, MESH_SCALE, Shape};
 use catch_body::{
     InputError, Pose,
     document::{Document, Harmless, Node},
@@ -14,12 +14,8 @@ use catch_body::{
 
 /// Kind of file that is expected.
 const EXPECTED: &str = "a model in the Simulation Description Format (SDF)";
-/// Extents of a shape.
-const EXTENT_M: Quantity = Quantity { least: 0.0, most: 1e4, unit: "m" };
 /// Offsets in metres, and angles in radians or degrees.
 const POSE: Quantity = Quantity { least: -1000.0, most: 1000.0, unit: "m or rad" };
-/// Factors on the axes of a mesh; a mirrored one has a negative factor.
-const MESH_SCALE: Quantity = Quantity { least: -1000.0, most: 1000.0, unit: "m per unit" };
 /// Masses and moments of whatever a file describes.
 const MASS_KG: Quantity = Quantity { least: 0.0, most: 1e9, unit: "kg" };
 const MOMENT_KGM2: Quantity = Quantity { least: -1e9, most: 1e9, unit: "kg·m²" };
@@ -76,13 +72,7 @@ impl Description {
             let found = format!("{} models: {}", models.len(), names.join(", "));
             return Err(InputError::new(file, "sdf", found, "a file with one of them"));
         }
-        let mut description = Self {
-            file: file.to_owned(),
-            name: String::new(),
-            root: String::new(),
-            links: Default::default(),
-            joints: Default::default(),
-        };
+        let mut description = Self { file: file.to_owned(), ..Self::default() };
         if let Some(model) = models.first() {
             description.name = model.attribute("name").unwrap_or_default().to_owned();
             description.add_model(*model, "")?;

@@ -2,7 +2,7 @@
 
 use nalgebra::{Unit, Vector3};
 
-use super::{Description, Geometry, JointKind, Link, Shape, StatedLimits, TreeJoint};
+use super::{Description, EXTENT_M, Geometry, JointKind, Link, MESH_SCALE, Shape, StatedLimits, TreeJoint};
 use catch_body::{
     InputError,
     document::Node,
@@ -15,10 +15,6 @@ use catch_body::{
 const NOT_NEGATIVE: Quantity = Quantity { least: 0.0, most: f64::MAX, unit: "" };
 /// Offsets, likewise.
 const OFFSET_M: Quantity = Quantity { least: -1e4, most: 1e4, unit: "m" };
-/// Extents of a shape.
-const EXTENT_M: Quantity = Quantity { least: 0.0, most: 1e4, unit: "m" };
-/// Factors on the axes of a mesh; a mirrored one has a negative factor.
-const MESH_SCALE: Quantity = Quantity { least: -1000.0, most: 1000.0, unit: "m per unit" };
 
 /// Turns of a motor for one of its joint; backwards is negative.
 const GEAR_RATIO: Quantity = Quantity { least: -1e5, most: 1e5, unit: "" };
@@ -29,38 +25,24 @@ impl Description {
     /// # Errors
     /// If it is no URDF, or has elements of xacro; an element without its name, a number out of its range.
     pub fn from_urdf(file: &str, text: &str) -> Result<Self, InputError> {
-        read(file, text)
-    }
-}
-
-fn read(file: &str, text: &str) -> Result<Description, InputError> {
-    let document = urdf::parse(file, text)?;
-    let urdf = Urdf::read(&document)?;
-    let roots = urdf.roots();
-    let [root] = roots[..] else {
-        let found = format!("{} links without a parent", roots.len());
-        return Err(InputError::new(file, "link", found, "one base link"));
-    };
-    let mut description = Description {
-        file: file.to_owned(),
-        name: urdf.name.clone(),
-        root: root.to_owned(),
-        links: Default::default(),
-        joints: Default::default(),
-    };
-    for (&name, &element) in &urdf.links {
-        description.links.insert(name.to_owned(), link(element)?);
-        let joints = urdf.joints_of(name).iter().map(|it| joint(*it)).collect::<Result<Vec<_>, _>>()?;
-        if !joints.is_empty() {
-            description.joints.insert(name.to_owned(), joints);
+        let document = urdf::parse(file, text)?;
+        let urdf = Urdf::read(&document)?;
+        let mut description =
+            Self { file: file.to_owned(), name: urdf.name.clone(), root: urdf.root.to_owned(), ..Self::default() };
+        for (&name, &element) in &urdf.links {
+            description.links.insert(name.to_owned(), link(element)?);
+            let joints = urdf.joints_of(name).iter().map(|it| joint(*it)).collect::<Result<Vec<_>, _>>()?;
+            if !joints.is_empty() {
+                description.joints.insert(name.to_owned(), joints);
+            }
         }
+        for (joint, rotor_inertia) in rotor_inertias(&urdf)? {
+            let of_joint = description.joints.values_mut().flatten().filter(|it| it.name == joint);
+            of_joint.for_each(|it| it.rotor_inertia = Some(rotor_inertia));
+        }
+        document.finish(&[urdf::HARMLESS])?;
+        Ok(description)
     }
-    for (joint, rotor_inertia) in rotor_inertias(&urdf)? {
-        let of_joint = description.joints.values_mut().flatten().filter(|it| it.name == joint);
-        of_joint.for_each(|it| it.rotor_inertia = Some(rotor_inertia));
-    }
-    document.finish(&[urdf::HARMLESS])?;
-    Ok(description)
 }
 
 /// Rotor inertias that transmissions state as Drake reads them, reflected to their joints.

@@ -42,16 +42,12 @@ pub fn read(file: &str, text: &str) -> Result<BTreeMap<String, StatedLimits>, In
         waiting.extend(
             node.elements()
                 .filter(|it| it.name() != "joint_limits" && !it.is_list())
-                .filter(|it| holds_limits(*it))
+                .filter(|it| it.descendants().any(|it| it.name() == "joint_limits"))
                 .map(Node::read),
         );
     }
     document.finish(&[HARMLESS])?;
     Ok(all)
-}
-
-fn holds_limits(node: Node) -> bool {
-    node.descendants().any(|it| it.name() == "joint_limits")
 }
 
 fn of_joint(joint: Node) -> Result<StatedLimits, InputError> {
