@@ -86,16 +86,18 @@ impl Document {
         }
     }
 
-    /// The columns of a table as a tree: an entry for each name of a header, whose text is the column's
-    /// number from zero.
+    /// The columns of a table as a tree: an entry for each name of a header, in small letters and without
+    /// quotes, whose text is the column's number from zero.
     ///
     /// # Errors
     /// A name twice.
     pub fn from_columns(file: &str, line: usize, header: &[&str]) -> Result<Self, InputError> {
         let mut document = Self::new(file, Format::Columns);
         let root = document.add(NONE, "", line as u32)?;
-        for (i, name) in header.iter().enumerate() {
-            if !name.is_empty() && header[..i].contains(name) {
+        let clean = |it: &&str| it.to_lowercase().trim_matches(['"', '\'', '/']).to_owned();
+        let names: Vec<String> = header.iter().map(clean).collect();
+        for (i, name) in names.iter().enumerate() {
+            if !name.is_empty() && names[..i].contains(name) {
                 let found = format!("the column `{name}` twice");
                 return Err(InputError::new(file, format!("line {line}"), found, "each column once"));
             }
@@ -105,13 +107,19 @@ impl Document {
         Ok(document)
     }
 
+    /// The number of the column with the first of these names that a header has.
+    pub fn column(&self, names: &[&'static str]) -> Option<usize> {
+        names.iter().find_map(|name| self.root().child(name)?.text().parse().ok())
+    }
+
     /// Adds a part behind the last child of `parent`, which is [`NONE`] for the root; its number.
     ///
     /// # Errors
     /// If there are too many.
     pub fn add(&mut self, parent: u32, name: &str, line: u32) -> Result<u32, InputError> {
         if self.parts.len() >= MOST_PARTS {
-            return Err(too_many(&self.file));
+            let expected = format!("at most {MOST_PARTS} elements, attributes and items");
+            return Err(InputError::new(&self.file, "content", "more elements", expected));
         }
         let name = match self.by_name.get(name) {
             Some(known) => *known,
@@ -207,10 +215,6 @@ impl Document {
     }
 }
 
-fn too_many(file: &str) -> InputError {
-    InputError::new(file, "content", "more elements", format!("at most {MOST_PARTS} elements, attributes and items"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -239,8 +243,8 @@ mod tests {
 
     #[test]
     fn columns_are_a_tree_too() {
-        let columns = Document::from_columns("a.csv", 1, &["t", "w"]).unwrap();
-        assert_eq!(columns.root().child("t").unwrap().text(), "0");
+        let columns = Document::from_columns("a.csv", 1, &["\"T\"", "w"]).unwrap();
+        assert_eq!((columns.column(&["s", "t"]), columns.column(&["s"])), (Some(0), None));
         assert!(columns.finish(&[]).unwrap_err().to_string().contains("line 1: w: found the column `w`"));
         assert!(Document::from_columns("a.csv", 1, &["t", "t"]).is_err());
     }

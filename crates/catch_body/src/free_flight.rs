@@ -39,8 +39,6 @@ pub const LIFT: usize = 28;
 
 /// Parameters as a vector, in SI units.
 pub type ParameterVector = SVector<f64, PARAMETERS>;
-/// Error state.
-pub type ErrorState = SVector<f64, N>;
 /// Derivatives of the next (p, v, θ, ω) with respect to the error state.
 pub type Transition = SMatrix<f64, 12, N>;
 /// Derivatives of a vector with respect to the error state.

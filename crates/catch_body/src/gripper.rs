@@ -199,11 +199,6 @@ impl Gripper {
         })
     }
 
-    /// Gives the gripper the parts that it has in the paper's simulator, if its file lists them.
-    pub fn as_published(self) -> Self {
-        Self { is_published: true, ..self }
-    }
-
     fn as_simulated(&self) -> Option<&PublishedParts> {
         self.published.as_ref().filter(|_| self.is_published)
     }

@@ -86,41 +86,6 @@ impl InputError {
         let also = std::mem::take(&mut self.also);
         std::iter::once(self).chain(also).collect()
     }
-
-    /// Name, for the author of a file, of a kind of value as serde calls it.
-    pub fn kind_in_words(kind: &str) -> &str {
-        match kind.split(' ').next().unwrap_or_default() {
-            "f64" | "f32" => "a number",
-            "u64" | "u32" | "usize" | "i64" | "i32" => "a whole number",
-            "struct" | "map" => "a table",
-            _ => match kind {
-                "a boolean" => "true or false",
-                "a string" => "text in quotes",
-                "a sequence" => "a list",
-                "newtype variant" | "struct variant" => "a table with it and what belongs to it",
-                "unit" => "its name alone, in quotes",
-                kind => kind,
-            },
-        }
-    }
-
-    /// `value` if it is finite and above zero.
-    pub fn positive(file: &str, field: impl Display, value: f64) -> Result<f64, Self> {
-        if value.is_finite() && value > 0.0 {
-            Ok(value)
-        } else {
-            Err(Self::new(file, field, value, "a number above zero"))
-        }
-    }
-
-    /// `values` if all of them are finite.
-    pub fn finite<const N: usize>(file: &str, field: impl Display, values: [f64; N]) -> Result<[f64; N], Self> {
-        if values.iter().all(|value| value.is_finite()) {
-            Ok(values)
-        } else {
-            Err(Self::new(file, field, format!("{values:?}"), "finite numbers"))
-        }
-    }
 }
 
 /// Greatest number of characters of what a message says was found.

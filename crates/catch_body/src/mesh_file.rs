@@ -7,10 +7,7 @@ use std::fmt::Write;
 
 use nalgebra::Point3;
 
-use crate::{InputError, mesh::TriangleMesh};
-
-/// The largest mesh file that is read. A scan of a thrown object has some megabytes at most.
-pub const MAX_FILE_BYTES: usize = 64 << 20;
+use crate::{InputError, mesh::TriangleMesh, quantity};
 
 /// Triangles of a file at most, instances counted each time, and of all files of one thing: a scan of a
 /// thrown object has some 100,000.
@@ -80,23 +77,10 @@ pub fn groups_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Vec
     Ok(groups.into_iter().map(points).collect())
 }
 
-/// The groups of a file that is not too large, their numbers finite and their indices within range.
+/// The groups of a file, their numbers finite and their indices within range.
 fn read_groups(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Soup>, InputError> {
-    InputError::positive(file, "scale", scale)?;
-    check_size(file, bytes)?;
+    quantity::SCALE.check(file, "scale", scale)?;
     checked(file, groups_of(file, bytes)?)
-}
-
-/// Refuses more bytes than a mesh file may have.
-///
-/// # Errors
-/// If there are more than [`MAX_FILE_BYTES`].
-pub fn check_size(file: &str, bytes: &[u8]) -> Result<(), InputError> {
-    if bytes.len() <= MAX_FILE_BYTES {
-        return Ok(());
-    }
-    let expected = format!("a mesh file of at most {} MiB", MAX_FILE_BYTES >> 20);
-    Err(InputError::new(file, "size", format!("{} MiB", bytes.len() >> 20), expected))
 }
 
 /// The extension of a file's name in lower case.
@@ -122,10 +106,9 @@ pub fn groups_of(file: &str, bytes: &[u8]) -> Result<Vec<Soup>, InputError> {
 /// The first number or index that is not.
 pub fn checked(file: &str, groups: Vec<Soup>) -> Result<Vec<Soup>, InputError> {
     for (vertices, triangles) in &groups {
-        for (i, vertex) in vertices.iter().enumerate() {
-            if !vertex.iter().all(|value| value.is_finite()) {
-                InputError::finite(file, format!("vertex {}", i + 1), *vertex)?;
-            }
+        if let Some(i) = vertices.iter().position(|it| !it.iter().all(|value| value.is_finite())) {
+            let (field, found) = (format!("vertex {}", i + 1), format!("{:?}", vertices[i]));
+            return Err(InputError::new(file, field, found, "finite numbers"));
         }
         if let Some(missing) = triangles.iter().flatten().find(|&&index| index as usize >= vertices.len()) {
             let expected = format!("indices of the {} vertices", vertices.len());
@@ -264,7 +247,5 @@ mod tests {
             let fault = mesh_from_bytes(file, bytes, scale).unwrap_err().to_string();
             assert!(fault.contains(field), "{fault}");
         }
-        let fault = mesh_from_bytes("big.stl", &vec![0; MAX_FILE_BYTES + 1], 1.0).unwrap_err().to_string();
-        assert!(fault.contains("64 MiB"), "{fault}");
     }
 }

@@ -226,6 +226,9 @@ impl<'de, T: Numbers<'de>> DeserializeSeed<'de> for Element<T> {
     }
 }
 
+/// Numbers that some files give as zero, below it or without bound where nobody knows them.
+pub const FINITE: Quantity = Quantity { least: -f64::MAX, most: f64::MAX, unit: "" };
+
 macro_rules! quantities {
     ($($(#[$doc:meta])* $name:ident $constant:ident = $least:literal to $most:literal $unit:literal;)*) => {$(
         $(#[$doc])*

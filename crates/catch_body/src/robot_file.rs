@@ -14,11 +14,12 @@ use inertia::{LinkFields, link_inertia, stated_inertia};
 
 use crate::{
     InputError,
+    document::Node,
     pose::PoseFields,
     quantity,
     robot::{ContactStop, Joint, JointLimits, MAX_JOINTS, Robot},
     stated::Stated,
-    urdf::{self, Element, Urdf},
+    urdf::{self, Urdf},
     velocity_table::VelocityFields,
     visual::Visual,
 };
@@ -225,38 +226,34 @@ fn unreasoned(files: &RobotFiles, of: &str, assumed: bool, reason: Option<&Strin
 /// Orders the URDF's revolute joints from base to tip and returns them with the base link's name.
 fn serial_chain(files: &RobotFiles, urdf: &Urdf, extra: &RobotFile) -> Result<(String, Vec<Joint>), InputError> {
     let fault = |field: String, found: String, expected: &str| InputError::new(files.urdf_file, field, found, expected);
-    let roots = urdf.roots();
-    let [base] = roots[..] else {
-        return Err(fault("link".into(), format!("{} links without a parent", roots.len()), "one base link"));
-    };
+    let base = urdf.root;
     let (mut joints, mut faults, mut count) = (Vec::new(), Vec::new(), 0);
     // The base does not move, so it needs no mass. What is said of it has to be right all the same.
-    if let Some(link) = urdf.link(base)
-        && link.child("inertial")?.is_some()
-    {
-        faults.extend(link_inertia(link).err());
+    let of_base = urdf.links[base];
+    if of_base.only("inertial")?.is_some() {
+        faults.extend(link_inertia(of_base).err());
     }
     let mut parent = base;
     loop {
         let joint = match urdf.joints_of(parent) {
             [] => break,
-            [joint] => joint,
+            [joint] => *joint,
             several => {
                 let found = format!("{} joints", several.len());
                 return Err(fault(format!("link {parent}"), found, "one joint: a serial arm"));
             }
         };
-        let kind = joint.text("type")?;
+        let kind = joint.text_of("type")?;
         if !matches!(kind, "revolute" | "continuous") {
             let expected =
                 "revolute or continuous: `catchingbot robot import` makes a serial arm of other descriptions";
-            return Err(joint.fault("type", kind, expected));
+            return Err(joint.fault_of("type", kind, expected));
         }
         match revolute_joint(files, urdf, joint, extra) {
             Ok(joint) => joints.push(joint),
             Err(fault) => faults.push(fault),
         }
-        parent = joint.required("child")?.text("link")?;
+        parent = joint.required("child")?.text_of("link")?;
         count += 1;
         if count > MAX_JOINTS {
             return Err(fault("joint".into(), format!("more than {MAX_JOINTS} joints"), "an arm of at most 8 joints"));
@@ -283,16 +280,16 @@ fn serial_chain(files: &RobotFiles, urdf: &Urdf, extra: &RobotFile) -> Result<(S
 /// The positions between which a joint moves: those of the TOML file, else those `of_urdf`.
 fn position_range(
     files: &RobotFiles,
-    joint: &Element,
+    joint: Node,
     fields: &JointFields,
     of_urdf: impl FnOnce() -> [Result<f64, InputError>; 2],
 ) -> Result<[f64; 2], InputError> {
-    let field = format!("joints.{}.range_rad", joint.text("name")?);
+    let field = format!("joints.{}.range_rad", joint.text_of("name")?);
     let [lower, upper] = match &fields.range_rad {
         Some(range) => range.value,
-        None if joint.text("type")? == "continuous" => {
+        None if joint.text_of("type")? == "continuous" => {
             let expected = format!("revolute with limits, or {field} in {}", files.toml_file);
-            return Err(joint.fault("type", "continuous", expected));
+            return Err(joint.fault_of("type", "continuous", expected));
         }
         None => {
             let [lower, upper] = of_urdf();
@@ -305,21 +302,25 @@ fn position_range(
     let (found, expected) = (format!("lower {lower} and upper {upper}"), "finite limits, lower below upper");
     Err(match &fields.range_rad {
         Some(_) => InputError::new(files.toml_file, field, found, expected),
-        None => joint.fault("limit", found, expected),
+        None => joint.fault_of("limit", found, expected),
     })
 }
 
-fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &RobotFile) -> Result<Joint, InputError> {
-    let name = joint.text("name")?;
-    if let Some(mimic) = joint.child("mimic")? {
-        return Err(mimic.fault("joint", mimic.text("joint")?, "no <mimic>: joints that are driven on their own"));
+fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: Node, extra: &RobotFile) -> Result<Joint, InputError> {
+    let name = joint.text_of("name")?;
+    if let Some(mimic) = joint.only("mimic")? {
+        return Err(mimic.fault_of(
+            "joint",
+            mimic.text_of("joint")?,
+            "no <mimic>: joints that are driven on their own",
+        ));
     }
-    let limits_of_urdf = joint.child("limit")?;
+    let limits_of_urdf = joint.only("limit")?;
     let limit = |field: &'static str, range| {
-        let limit = limits_of_urdf.as_ref().ok_or_else(|| {
-            joint.fault("limit", "no limits", "<limit lower upper velocity effort> with the joint's real limits")
+        let limit = limits_of_urdf.ok_or_else(|| {
+            joint.fault_of("limit", "no limits", "<limit lower upper velocity effort> with the joint's real limits")
         })?;
-        limit.number(field, range)
+        limit.number_of(field, range)
     };
     // A URDF without limits is the first thing to be mended.
     if limits_of_urdf.is_none() && extra.joints.get(name).is_none_or(|it| it.range_rad.is_none()) {
@@ -343,23 +344,20 @@ fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &Robo
         torque: stated(&fields.max_torque_nm, "effort", quantity::TORQUE_NM)?,
         jerk: fields.max_jerk_radps3.as_ref().map(|it| it.value),
     };
-    let damping = joint.child("dynamics")?.filter(|it| it.has("damping"));
-    let child = joint.required("child")?.text("link")?;
-    let link = urdf.link(child).ok_or_else(|| {
-        let expected = "the link that a joint moves";
-        InputError::new(files.urdf_file, format!("link {child}"), "nothing", expected)
-    })?;
+    let damping = joint.only("dynamics")?.filter(|it| it.has("damping"));
+    let child = joint.required("child")?.text_of("link")?;
+    let link = urdf.links[child];
     Ok(Joint {
         name: name.to_owned(),
-        X_PL: joint.origin(quantity::OFFSET_M)?,
-        axis: joint.axis()?,
+        X_PL: urdf::origin(joint, quantity::OFFSET_M)?,
+        axis: urdf::axis(joint)?,
         limits,
         velocity_table: match &fields.velocity_by_position {
             Some(table) => Some(table.checked(files.toml_file, &format!("joints.{name}.velocity_by_position"))?),
             None => None,
         },
         rotor_inertia: fields.rotor_inertia_kgm2.value,
-        damping: damping.map_or(Ok(0.0), |it| it.number("damping", quantity::DAMPING_NMSPRAD))?,
+        damping: damping.map_or(Ok(0.0), |it| it.number_of("damping", quantity::DAMPING_NMSPRAD))?,
         inertia: match extra.links.get(child) {
             Some(fields) => stated_inertia(files, child, fields)?,
             None => link_inertia(link)?,
@@ -446,7 +444,7 @@ pub(crate) mod tests {
         let without_limit =
             URDF.replacen("<limit lower=\"-2.96706\" upper=\"2.96706\" velocity=\"1.48353\" effort=\"320\"/>", "", 1);
         let fault = read(&without_limit, TOML).unwrap_err().to_string();
-        assert!(fault.contains("robot.urdf: joint iiwa_joint_1: limit"), "{fault}");
+        assert!(fault.contains("joint iiwa_joint_1.limit"), "{fault}");
 
         let fault = read("a poem", TOML).unwrap_err().to_string();
         assert!(fault.contains("expected a URDF"), "{fault}");
@@ -468,19 +466,19 @@ pub(crate) mod tests {
             (
                 "velocity=\"1.48353\"",
                 "velocity=\"fast\"",
-                "joint iiwa_joint_1: limit velocity: found `fast`, expected 0.001 to",
+                "joint iiwa_joint_1.limit.velocity: found `fast`, expected 0.001 to",
             ),
-            ("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 nan 1\"/>", "joint iiwa_joint_1: axis xyz: found `0 nan 1`"),
-            ("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 0 0\"/>", "joint iiwa_joint_1: axis xyz"),
-            ("<axis xyz=\"0 0 1\"/>", "<mimic joint=\"elbow\"/>", "joint iiwa_joint_1: mimic joint: found elbow"),
+            ("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 nan 1\"/>", "joint iiwa_joint_1.axis.xyz: found `0 nan 1`"),
+            ("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 0 0\"/>", "joint iiwa_joint_1.axis.xyz"),
+            ("<axis xyz=\"0 0 1\"/>", "<mimic joint=\"elbow\"/>", "joint iiwa_joint_1.mimic.joint: found elbow"),
             (
                 "<axis xyz=\"0 0 1\"/>",
                 "<xacro:axis/>",
-                "line 65: joint iiwa_joint_1.xacro:axis: found <xacro:axis>, expected a URDF without xacro",
+                "joint iiwa_joint_1.xacro:axis: found <xacro:axis>, expected a URDF without xacro",
             ),
             ("<link name=\"iiwa_link_2\">", "<link name=\"iiwa_link_1\">", "link iiwa_link_1: found the name twice"),
-            ("<mass value=\"5\"/>", "<mass value=\"nan\"/>", "link iiwa_link_0: inertial mass value: found `nan`"),
-            ("izz=\"0.03\"", "izz=\"0.3\"", "link iiwa_link_0: inertial inertia: found principal moments"),
+            ("<mass value=\"5\"/>", "<mass value=\"nan\"/>", "link iiwa_link_0.inertial.mass.value: found `nan`"),
+            ("izz=\"0.03\"", "izz=\"0.3\"", "link iiwa_link_0.inertial.inertia: found principal moments"),
             (
                 "<joint name=\"iiwa_joint_2\"",
                 "<joint name=\"iiwa_joint_1\"",
@@ -489,7 +487,7 @@ pub(crate) mod tests {
         ] {
             assert!(URDF.contains(from), "{from}");
             let fault = read(&URDF.replacen(from, to, 1), TOML).unwrap_err().to_string();
-            assert!(fault.starts_with(&format!("robot.urdf: {expected}")), "{fault}");
+            assert!(fault.starts_with("robot.urdf: line ") && fault.contains(&format!(": {expected}")), "{fault}");
         }
         for (from, to, expected) in [
             ("[base]\nposition_m = [", "[base]\nposition_m = [-500.0, ", "base.position_m"),

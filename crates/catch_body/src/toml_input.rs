@@ -246,8 +246,23 @@ fn in_words(expected: &dyn Expected) -> String {
     if let Some(length) = text.strip_prefix("an array of length ").or(text.strip_suffix(" elements in sequence")) {
         return format!("a list of {length}");
     }
-    let tuple = text.strip_prefix("a tuple of size ");
-    tuple.map_or_else(|| InputError::kind_in_words(&text).to_owned(), |length| format!("a list of {length}"))
+    if let Some(length) = text.strip_prefix("a tuple of size ") {
+        return format!("a list of {length}");
+    }
+    let said = match text.split(' ').next().unwrap_or_default() {
+        "f64" | "f32" => "a number",
+        "u64" | "u32" | "usize" | "i64" | "i32" => "a whole number",
+        "struct" | "map" => "a table",
+        _ => match &*text {
+            "a boolean" => "true or false",
+            "a string" => "text in quotes",
+            "a sequence" => "a list",
+            "newtype variant" | "struct variant" => "a table with it and what belongs to it",
+            "unit" => "its name alone, in quotes",
+            kind => kind,
+        },
+    };
+    said.to_owned()
 }
 
 impl Display for Fault {

@@ -1,9 +1,6 @@
 //! Reads the elements and attributes of a URDF file; every fault is told with its element and attribute.
 
-use std::{
-    collections::{BTreeMap, HashSet},
-    fmt::Display,
-};
+use std::collections::{BTreeMap, HashSet};
 
 use nalgebra::{Matrix3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
@@ -87,89 +84,60 @@ pub fn parse(file: &str, text: &str) -> Result<Document, InputError> {
 pub struct Urdf<'a> {
     /// Name of the robot.
     pub name: String,
+    /// The link that no joint moves.
+    pub root: &'a str,
     /// Links by their names.
-    links: BTreeMap<&'a str, Element<'a>>,
+    pub links: BTreeMap<&'a str, Node<'a>>,
     /// Joints by the names of their parents.
-    joints: BTreeMap<&'a str, Vec<Element<'a>>>,
-    /// Links that some joint moves.
-    children: HashSet<&'a str>,
-    transmissions: Vec<Element<'a>>,
+    joints: BTreeMap<&'a str, Vec<Node<'a>>>,
+    /// Transmissions, which drive the joints.
+    pub transmissions: Vec<Node<'a>>,
 }
 
 impl<'a> Urdf<'a> {
     /// Reads the links and joints of a robot.
     ///
     /// # Errors
-    /// An element without a name, two of one name, a joint whose parent or child is missing.
+    /// An element without a name, two of one name, a joint whose parent or child is missing, several links
+    /// that no joint moves.
     pub fn read(document: &'a Document) -> Result<Self, InputError> {
-        let (file, root) = (document.file(), document.root());
-        let name = root.attribute("name").unwrap_or_default().to_owned();
-        let transmissions = root.children("transmission").enumerate();
-        let transmissions =
-            transmissions.map(|(i, node)| Element { file, node, path: format!("transmission {}", i + 1) }).collect();
-        let mut urdf =
-            Self { name, links: BTreeMap::new(), joints: BTreeMap::new(), children: HashSet::new(), transmissions };
-        let mut names = HashSet::new();
-        for node in root.children("link").chain(root.children("joint")) {
-            let kind = node.name();
-            let unnamed = Element { file, node, path: kind.to_owned() };
-            let name = unnamed.text("name")?;
-            let element = Element { path: format!("{kind} {name}"), ..unnamed };
+        let robot = document.root();
+        let (mut links, mut joints) = (BTreeMap::new(), BTreeMap::<&str, Vec<Node>>::new());
+        let (mut names, mut children) = (HashSet::new(), HashSet::new());
+        for node in robot.children("link").chain(robot.children("joint")) {
+            let (kind, name) = (node.name(), node.text_of("name")?);
             if !names.insert((kind, name)) {
-                return Err(InputError::new(file, element.path, "the name twice", format!("one {kind} of each name")));
+                return Err(node.fault("the name twice", format!("one {kind} of each name")));
             }
             if kind == "link" {
-                urdf.links.insert(name, element);
-            } else {
-                let [parent, child] =
-                    [element.required("parent")?.text("link")?, element.required("child")?.text("link")?];
-                if !urdf.children.insert(child) {
-                    let found = format!("the link {child}, which another joint moves, too");
-                    return Err(element.fault("child", found, "a link of its own for each joint"));
-                }
-                urdf.joints.entry(parent).or_default().push(element);
+                links.insert(name, node);
+                continue;
             }
-        }
-        for (parent, joints) in &urdf.joints {
-            for joint in joints {
-                let child = joint.required("child")?.text("link")?;
-                if let Some((of, missing)) =
-                    [("parent", *parent), ("child", child)].into_iter().find(|it| !urdf.links.contains_key(it.1))
-                {
-                    return Err(joint.fault(
-                        of,
-                        format!("the link `{missing}`, which is not there"),
-                        "the name of a link",
-                    ));
+            let [parent, child] = [node.required("parent")?.text_of("link")?, node.required("child")?.text_of("link")?];
+            for (of, link) in [("parent", parent), ("child", child)] {
+                if !links.contains_key(link) {
+                    let found = format!("the link `{link}`, which is not there");
+                    return Err(node.fault_of(of, found, "the name of a link"));
                 }
             }
+            if !children.insert(child) {
+                let found = format!("the link {child}, which another joint moves, too");
+                return Err(node.fault_of("child", found, "a link of its own for each joint"));
+            }
+            joints.entry(parent).or_default().push(node);
         }
-        Ok(urdf)
-    }
-
-    /// Names of the links that no joint moves.
-    pub fn roots(&self) -> Vec<&'a str> {
-        self.links.keys().copied().filter(|link| !self.children.contains(link)).collect()
-    }
-
-    /// All links by their names.
-    pub fn links(&self) -> impl Iterator<Item = (&'a str, &Element<'a>)> {
-        self.links.iter().map(|(name, element)| (*name, element))
+        let roots: Vec<&str> = links.keys().copied().filter(|link| !children.contains(link)).collect();
+        let [root] = roots[..] else {
+            let found = format!("{} links without a parent", roots.len());
+            return Err(InputError::new(document.file(), "link", found, "one base link"));
+        };
+        let name = robot.attribute("name").unwrap_or_default().to_owned();
+        Ok(Self { name, root, links, joints, transmissions: robot.children("transmission").collect() })
     }
 
     /// The joints whose parent is `link`.
-    pub fn joints_of(&self, link: &str) -> &[Element<'a>] {
+    pub fn joints_of(&self, link: &str) -> &[Node<'a>] {
         self.joints.get(link).map_or(&[], Vec::as_slice)
-    }
-
-    /// Transmissions, which drive the joints.
-    pub fn transmissions(&self) -> &[Element<'a>] {
-        &self.transmissions
-    }
-
-    /// The link of this name.
-    pub fn link(&self, name: &str) -> Option<&Element<'a>> {
-        self.links.get(name)
     }
 }
 
@@ -211,133 +179,37 @@ pub fn ignored_elements(text: &str, used: &[&str]) -> Vec<String> {
     ignored
 }
 
-/// An element, and what errors call it.
-#[derive(Clone)]
-pub struct Element<'a> {
-    file: &'a str,
-    node: Node<'a>,
-    path: String,
+/// The pose in the child `<origin>`, whose offset has a range; the identity where there is none.
+///
+/// # Errors
+/// Numbers that are none or out of their ranges.
+pub fn origin(element: Node, offset_m: Quantity) -> Result<Pose, InputError> {
+    let Some(origin) = element.only("origin")? else { return Ok(Pose::identity()) };
+    let or_zero = |name: &'static str, range| if origin.has(name) { origin.vector(name, range) } else { Ok([0.0; 3]) };
+    let (xyz, [roll, pitch, yaw]) = (or_zero("xyz", offset_m)?, or_zero("rpy", quantity::ANGLE_RAD)?);
+    Ok(Pose::from_parts(Translation3::from(xyz), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
 }
 
-impl<'a> Element<'a> {
-    /// A fault in an attribute or a child.
-    pub fn fault(&self, part: &str, found: impl Display, expected: impl Display) -> InputError {
-        let separator = if self.path.contains(": ") { " " } else { ": " };
-        InputError::new(self.file, format!("{}{separator}{part}", self.path), found, expected)
-    }
+/// The direction in the child `<axis>`; x where there is none.
+///
+/// # Errors
+/// As [`origin`], or if it has no direction.
+pub fn axis(element: Node) -> Result<Unit<Vector3<f64>>, InputError> {
+    let Some(axis) = element.only("axis")? else { return Ok(Vector3::x_axis()) };
+    let xyz = axis.vector("xyz", quantity::COORDINATE)?;
+    Unit::try_new(Vector3::from(xyz), 1e-9).ok_or_else(|| axis.fault_of("xyz", format!("{xyz:?}"), "a direction"))
+}
 
-    fn within(&self, node: Node<'a>, name: &str) -> Self {
-        let separator = if self.path.contains(": ") { " " } else { ": " };
-        Self { file: self.file, node, path: format!("{}{separator}{name}", self.path) }
-    }
-
-    /// The child of this name, if there is one.
-    ///
-    /// # Errors
-    /// If there are several.
-    pub fn child(&self, name: &'static str) -> Result<Option<Self>, InputError> {
-        let mut all = self.node.children(name);
-        let (first, second) = (all.next(), all.next());
-        if second.is_some() {
-            return Err(self.fault(name, "the element twice", "it once"));
-        }
-        Ok(first.map(|node| self.within(node, name)))
-    }
-
-    /// The child of this name.
-    ///
-    /// # Errors
-    /// If there is none, or several.
-    pub fn required(&self, name: &'static str) -> Result<Self, InputError> {
-        self.child(name)?.ok_or_else(|| self.fault(name, "nothing", format!("an element <{name}>")))
-    }
-
-    /// The children of this name.
-    pub fn children(&self, name: &'static str) -> impl Iterator<Item = Self> {
-        self.node.children(name).enumerate().map(move |(i, node)| self.within(node, &format!("{name} {}", i + 1)))
-    }
-
-    /// Marks the element and all within it as not used.
-    pub fn leave_out(&self) {
-        self.node.leave_out();
-    }
-
-    /// Returns whether there is an attribute of this name.
-    pub fn has(&self, name: &'static str) -> bool {
-        self.node.has(name)
-    }
-
-    /// An attribute.
-    ///
-    /// # Errors
-    /// If it is missing.
-    pub fn text(&self, name: &'static str) -> Result<&'a str, InputError> {
-        self.node.attribute(name).ok_or_else(|| self.fault(name, "nothing", format!("an attribute {name}=\"…\"")))
-    }
-
-    /// An attribute that is a number, if it is there.
-    ///
-    /// # Errors
-    /// As [`number`](Self::number).
-    pub fn optional(&self, name: &'static str, range: Quantity) -> Result<Option<f64>, InputError> {
-        if self.has(name) { self.number(name, range).map(Some) } else { Ok(None) }
-    }
-
-    /// An attribute that is a number.
-    ///
-    /// # Errors
-    /// If it is missing, no number, or out of its range.
-    pub fn number(&self, name: &'static str, range: Quantity) -> Result<f64, InputError> {
-        let text = self.text(name)?;
-        let number = text.trim().parse().ok().filter(|number| range.contains(*number));
-        number.ok_or_else(|| self.fault(name, format!("`{text}`"), range))
-    }
-
-    /// An attribute that is three numbers.
-    ///
-    /// # Errors
-    /// As [`number`](Self::number).
-    pub fn vector(&self, name: &'static str, range: Quantity) -> Result<[f64; 3], InputError> {
-        let text = self.text(name)?;
-        let numbers: Option<Vec<f64>> = text.split_whitespace().map(|it| it.parse().ok()).collect();
-        let vector = numbers.and_then(|it| <[f64; 3]>::try_from(it).ok());
-        let vector = vector.filter(|it| it.iter().all(|number| range.contains(*number)));
-        vector.ok_or_else(|| self.fault(name, format!("`{text}`"), format!("three numbers, each {range}")))
-    }
-
-    /// The pose in the child `<origin>`, whose offset has a range; the identity where there is none.
-    ///
-    /// # Errors
-    /// As [`vector`](Self::vector).
-    pub fn origin(&self, offset_m: Quantity) -> Result<Pose, InputError> {
-        let Some(origin) = self.child("origin")? else { return Ok(Pose::identity()) };
-        let or_zero =
-            |name: &'static str, range| if origin.has(name) { origin.vector(name, range) } else { Ok([0.0; 3]) };
-        let (xyz, [roll, pitch, yaw]) = (or_zero("xyz", offset_m)?, or_zero("rpy", quantity::ANGLE_RAD)?);
-        Ok(Pose::from_parts(Translation3::from(xyz), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
-    }
-
-    /// The direction in the child `<axis>`; x where there is none.
-    ///
-    /// # Errors
-    /// As [`vector`](Self::vector), or if it has no direction.
-    pub fn axis(&self) -> Result<Unit<Vector3<f64>>, InputError> {
-        let Some(axis) = self.child("axis")? else { return Ok(Vector3::x_axis()) };
-        let xyz = axis.vector("xyz", quantity::COORDINATE)?;
-        Unit::try_new(Vector3::from(xyz), 1e-9).ok_or_else(|| axis.fault("xyz", format!("{xyz:?}"), "a direction"))
-    }
-
-    /// The mass properties that an `<inertial>` states, in its link's frame.
-    ///
-    /// # Errors
-    /// A value that is missing, no number or out of the ranges of a mass, a moment and an offset.
-    pub fn inertia(&self, [mass_kg, moment_kgm2, offset_m]: [Quantity; 3]) -> Result<Inertia, InputError> {
-        let mass = self.required("mass")?.number("value", mass_kg)?;
-        let X_LC = self.origin(offset_m)?;
-        let inertia = self.required("inertia")?;
-        let about_com = moments(|name| inertia.number(name, moment_kgm2))?;
-        Ok(Inertia { mass, com: Point3::origin(), about_com }.transformed(&X_LC))
-    }
+/// The mass properties that an `<inertial>` states, in its link's frame.
+///
+/// # Errors
+/// A value that is missing, no number or out of the ranges of a mass, a moment and an offset.
+pub fn inertia(inertial: Node, [mass_kg, moment_kgm2, offset_m]: [Quantity; 3]) -> Result<Inertia, InputError> {
+    let mass = inertial.required("mass")?.number_of("value", mass_kg)?;
+    let X_LC = origin(inertial, offset_m)?;
+    let inertia = inertial.required("inertia")?;
+    let about_com = moments(|name| inertia.number_of(name, moment_kgm2))?;
+    Ok(Inertia { mass, com: Point3::origin(), about_com }.transformed(&X_LC))
 }
 
 /// The matrix of moments of inertia, each by its name in a description, as `ixy`.

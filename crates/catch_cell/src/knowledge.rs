@@ -18,13 +18,6 @@ pub struct KnownObject {
     pub figures: ObjectFigures,
 }
 
-impl From<ReferenceScan> for KnownObject {
-    /// An object of which nothing but its shape is known.
-    fn from(scan: ReferenceScan) -> Self {
-        Self { scan, figures: ObjectFigures::default() }
-    }
-}
-
 /// Figures of an object that can be weighed, looked up or guessed: the table `[known]` of its file.
 #[quantity::checked(deny_unknown_fields)]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -46,9 +46,9 @@ pub use gripper::{GraspState, GripperMove, GripperState};
 pub use knowledge::{DataSheet, KnownObject, ObjectFigures};
 pub use reference_scan::reference_scan;
 pub use rejection::{LimitKind, LimitViolation, Rejection};
-pub use rig::{calibrated_rig_from_toml, rig_from_toml};
+pub use rig::rig_from_toml;
 pub use rig_calibration::{RigCalibration, rig_to_toml};
-pub use run::{Call, RunError, run};
+pub use run::{RunError, run};
 pub use spline::{BSpline, Setpoint};
 
 use catch_body::quantity;

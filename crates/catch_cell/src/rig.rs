@@ -14,12 +14,12 @@ const MAX_CAMERAS: usize = 256;
 /// A rig: a sphere of cameras, single cameras, or both, in this order.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RigFile {
+pub(crate) struct RigFile {
     /// A sphere of cameras.
     uv_sphere: Option<UvSphereFields>,
     /// Single cameras.
     #[serde(default)]
-    cameras: Vec<CameraFields>,
+    pub cameras: Vec<CameraFields>,
 }
 
 /// Cameras on a sphere, one for each pair of an azimuth and an elevation, all looking at the same point.
@@ -46,7 +46,7 @@ struct UvSphereFields {
 /// length.
 #[quantity::checked(deny_unknown_fields)]
 #[derive(Deserialize)]
-struct CameraFields {
+pub(crate) struct CameraFields {
     /// Position of the camera.
     position_m: quantity::place_m<[f64; 3]>,
     /// Point that the camera looks at, level; or:
@@ -67,7 +67,7 @@ struct CameraFields {
     /// Images per second.
     rate_hz: quantity::rate_hz<Option<f64>>,
     /// Uncertainty of the camera's parameters, where it was calibrated.
-    calibration: Option<RigCalibration>,
+    pub calibration: Option<RigCalibration>,
 }
 
 /// Reads the cameras of a rig file; `file` names it in errors.
@@ -78,17 +78,6 @@ struct CameraFields {
 /// # Errors
 /// The first field that is missing, misspelt or out of range, or that there is no camera at all.
 pub fn rig_from_toml(file: &str, text: &str) -> Result<Vec<CameraModel>, InputError> {
-    calibrated_rig_from_toml(file, text).map(|cameras| cameras.into_iter().map(|(camera, _)| camera).collect())
-}
-
-/// Reads the cameras of a rig file, each with its calibration where it has one.
-///
-/// # Errors
-/// As [`rig_from_toml`].
-pub fn calibrated_rig_from_toml(
-    file: &str,
-    text: &str,
-) -> Result<Vec<(CameraModel, Option<RigCalibration>)>, InputError> {
     let rig: RigFile = InputError::parse_toml(file, text)?;
     let of_sphere =
         rig.uv_sphere.as_ref().map_or(0, |it| it.azimuths_deg.len().saturating_mul(it.elevations_deg.len()));
@@ -97,17 +86,15 @@ pub fn calibrated_rig_from_toml(
         let expected = format!("1 to {MAX_CAMERAS} cameras: a table [uv_sphere] or [[cameras]]");
         return Err(InputError::new(file, "uv_sphere", format!("{count} cameras"), expected));
     }
-    let of_sphere = rig.uv_sphere.as_ref().map(uv_sphere).unwrap_or_default();
-    let mut cameras: Vec<_> = of_sphere.into_iter().map(|camera| (camera, None)).collect();
-    for (i, camera) in rig.cameras.into_iter().enumerate() {
+    let mut cameras = rig.uv_sphere.as_ref().map(uv_sphere).unwrap_or_default();
+    for (i, camera) in rig.cameras.iter().enumerate() {
         let table = format!("cameras[{i}]");
-        let model = single_camera(file, &table, &camera)?;
+        cameras.push(single_camera(file, &table, camera)?);
         if let Some(calibration) = &camera.calibration {
             calibration.check(file, &format!("{table}.calibration"))?;
         }
-        cameras.push((model, camera.calibration));
     }
-    let pixels: u64 = cameras.iter().map(|(it, _)| u64::from(it.width_px) * u64::from(it.height_px)).sum();
+    let pixels: u64 = cameras.iter().map(|it| u64::from(it.width_px) * u64::from(it.height_px)).sum();
     if pixels > MAX_PIXELS {
         let expected = format!("at most {} megapixels in all images together", MAX_PIXELS / 1_000_000);
         return Err(InputError::new(file, "width_px × height_px", format!("{pixels} pixels"), expected));

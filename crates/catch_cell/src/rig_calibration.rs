@@ -30,11 +30,6 @@ pub struct RigCalibration {
 }
 
 impl RigCalibration {
-    /// The covariance as a matrix.
-    pub fn pose_covariance(&self) -> Matrix6<f64> {
-        Matrix6::from_fn(|row, column| self.covariance.get(row * 6 + column).copied().unwrap_or(0.0))
-    }
-
     /// Checks that the covariance is symmetric and positive definite; `file` and `table` name the place in
     /// errors.
     ///
@@ -46,7 +41,7 @@ impl RigCalibration {
         if count != 36 {
             return Err(InputError::new(file, field, format!("{count} numbers"), "36 numbers: six rows of six"));
         }
-        let matrix = self.pose_covariance();
+        let matrix = Matrix6::from_row_slice(&self.covariance);
         let is_symmetric = (matrix - matrix.transpose()).amax() <= 1e-9 * matrix.amax();
         if !is_symmetric || matrix.cholesky().is_none() {
             let expected = "a symmetric matrix all of whose eigenvalues are above zero";
@@ -95,7 +90,7 @@ pub fn rig_to_toml(about: &str, cameras: &[(CameraModel, Option<RigCalibration>)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrated_rig_from_toml;
+    use crate::rig::{RigFile, rig_from_toml};
     use catch_body::pose::look_at;
     use nalgebra::Point3;
 
@@ -125,14 +120,15 @@ mod tests {
         cameras[1].1 = None;
         let text = rig_to_toml("A rig.\nOf two cameras.", &cameras);
         assert!(text.starts_with("# A rig.\n# Of two cameras.\n"));
-        let again = calibrated_rig_from_toml("rig.toml", &text).unwrap();
+        let again = rig_from_toml("rig.toml", &text).unwrap();
+        let fields: RigFile = InputError::parse_toml("rig.toml", &text).unwrap();
         assert_eq!(again.len(), 2);
-        for ((camera, calibration), (read, read_calibration)) in cameras.iter().zip(&again) {
+        for (((camera, calibration), read), fields) in cameras.iter().zip(&again).zip(&fields.cameras) {
             assert!((camera.X_WC.translation.vector - read.X_WC.translation.vector).norm() < 1e-12);
             assert!(camera.X_WC.rotation.angle_to(&read.X_WC.rotation) < 1e-7);
             assert_eq!((camera.focal_px, camera.principal_px), (read.focal_px, read.principal_px));
             assert_eq!(camera.rate_hz, read.rate_hz);
-            assert_eq!(calibration, read_calibration);
+            assert_eq!(*calibration, fields.calibration);
         }
     }
 
@@ -140,7 +136,7 @@ mod tests {
     fn a_covariance_that_is_none_is_named() {
         let mut cameras = [calibrated()];
         let fault = |cameras: &[(CameraModel, Option<RigCalibration>)]| {
-            calibrated_rig_from_toml("rig.toml", &rig_to_toml("", cameras)).unwrap_err().to_string()
+            rig_from_toml("rig.toml", &rig_to_toml("", cameras)).unwrap_err().to_string()
         };
         cameras[0].1.as_mut().unwrap().covariance[0] = -1e-7;
         assert!(fault(&cameras).contains("cameras[0].calibration.covariance: found another matrix"));

@@ -1,6 +1,6 @@
 //! The loop in which a cell and a brain meet.
 
-use std::{fmt, ops::ControlFlow};
+use std::ops::ControlFlow;
 
 use thiserror::Error;
 
@@ -21,14 +21,14 @@ pub fn run<C: Cell, B: Brain + ?Sized, T>(
     mut recorder: impl FnMut(&mut C, &mut B, &Observation, &Command) -> ControlFlow<T>,
 ) -> Result<T, RunError<C::Error>> {
     let mut ticks = 0;
-    let failed = |call: Call, ticks: u64| move |error: C::Error| RunError { call, ticks, error };
+    let failed = |call, ticks| move |error: C::Error| RunError { call, ticks, error };
     loop {
-        let observation = cell.sense().map_err(failed(Call::Sense, ticks))?;
+        let observation = cell.sense().map_err(failed("sense", ticks))?;
         let command = brain.tick(&observation, &mut ());
         if let ControlFlow::Break(value) = recorder(cell, brain, &observation, &command) {
             return Ok(value);
         }
-        cell.act(&command).map_err(failed(Call::Act, ticks))?;
+        cell.act(&command).map_err(failed("act", ticks))?;
         ticks += 1;
     }
 }
@@ -37,30 +37,12 @@ pub fn run<C: Cell, B: Brain + ?Sized, T>(
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("the cell failed to {call} after {ticks} ticks: {error}")]
 pub struct RunError<E> {
-    /// Call that failed.
-    pub call: Call,
+    /// Call that failed: `sense` or `act`.
+    pub call: &'static str,
     /// Commands that had been passed on before.
     pub ticks: u64,
     /// Error that the cell reported.
     pub error: E,
-}
-
-/// A call of [`Cell`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Call {
-    /// [`Cell::sense`].
-    Sense,
-    /// [`Cell::act`].
-    Act,
-}
-
-impl fmt::Display for Call {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Self::Sense => "sense",
-            Self::Act => "act",
-        })
-    }
 }
 
 #[cfg(test)]
@@ -127,7 +109,7 @@ mod tests {
                 ControlFlow::<()>::Continue(())
             });
             let error = ended.unwrap_err();
-            let call = if fails_at % 2 == 0 { Call::Sense } else { Call::Act };
+            let call = if fails_at % 2 == 0 { "sense" } else { "act" };
             assert_eq!((error.call, error.ticks), (call, fails_at as u64 / 2));
             assert_eq!(seen, fails_at.div_ceil(2), "what was sensed is recorded, too, where acting on it fails");
             assert_eq!(

@@ -116,9 +116,8 @@ struct Document {
 /// # Errors
 /// Faults of the arguments and of the track's file.
 pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
-    let finite = |field: &str, value: f64| InputError::finite(COMMAND_LINE, field, [value]).map(|_| value);
     for &time_s in arguments.at.iter().chain(&arguments.until) {
-        finite("--at and --until", time_s)?;
+        quantity::FINITE.check(COMMAND_LINE, "--at and --until", time_s)?;
     }
     let prior = arguments.object.as_deref().map(FlightPrior::read).transpose()?;
     let drag = [("--drag", arguments.drag), ("--drag-sd", arguments.drag_sd)];

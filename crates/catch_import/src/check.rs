@@ -140,14 +140,10 @@ fn gripper_of(asset: &Asset) -> Result<Gripper, InputError> {
     Gripper::from_toml(&asset.file, &asset.text)?.with_meshes(&|name| asset.read_beside(name))
 }
 
-/// Notes on an arm: flanges, and shapes.
-fn notes_of_arm(robot: &Robot) -> Vec<String> {
-    notes_of_flanges(robot).into_iter().chain(robot_check::note_of_visuals(robot)).collect()
-}
-
-/// Notes on a robot: flanges, assumptions, and elements of its URDF that are ignored.
+/// Notes on a robot: flanges, shapes, assumptions, and elements of its URDF that are ignored.
 fn notes_of_robot(asset: &Asset) -> Vec<String> {
-    let mut notes: Vec<String> = robot_of(asset).iter().flat_map(notes_of_arm).collect();
+    let of_arm = |it: &Robot| notes_of_flanges(it).into_iter().chain(robot_check::note_of_visuals(it));
+    let mut notes: Vec<String> = robot_of(asset).iter().flat_map(of_arm).collect();
     notes.extend(notes_of_assumptions(asset));
     let ignored =
         asset.read_text_beside("robot.urdf").map(|(_, urdf)| ignored_elements(&urdf, &[])).unwrap_or_default();

@@ -2,7 +2,11 @@
 
 use std::path::Path;
 
-use catch_body::{InputError, TriangleMesh, document::Document, mesh_file::mesh_from_bytes};
+use catch_body::{
+    InputError, TriangleMesh,
+    document::Document,
+    mesh_file::{extension, mesh_from_bytes},
+};
 use catch_sim::object::check_length;
 use nalgebra::{Point3, Vector3};
 
@@ -43,7 +47,7 @@ pub fn read(path: &Path, meshes: bool) -> Result<CloudFile, InputError> {
 /// As [`read`].
 pub fn parse(file: &str, bytes: &[u8], meshes: bool) -> Result<CloudFile, InputError> {
     let formats = formats(meshes);
-    let extension = Path::new(file).extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let extension = extension(file);
     let cloud = match extension.as_str() {
         "ply" => {
             let ply = PlyFile::from_bytes(file, bytes)?;
@@ -288,21 +292,16 @@ impl XyzColumns {
     }
 
     fn of_header(file: &str, line: usize, header: &[&str]) -> Result<Self, InputError> {
-        let lower: Vec<String> =
-            header.iter().map(|it| it.to_lowercase().trim_matches(['"', '\'', '/']).to_owned()).collect();
-        let names: Vec<&str> = lower.iter().map(String::as_str).collect();
-        let document = Document::from_columns(file, line, &names)?;
-        let root = document.root();
-        let column = |it: &&'static str| root.child(it)?.text().parse().ok();
-        let three = |names: [&'static str; 3]| -> Option<[usize; 3]> {
-            names.iter().map(column).collect::<Option<Vec<_>>>()?.try_into().ok()
+        let document = Document::from_columns(file, line, header)?;
+        let three = |names: [[&'static str; 2]; 3]| {
+            let [x, y, z] = names.map(|it| document.column(&it));
+            Some([x?, y?, z?])
         };
-        let place = three(["x", "y", "z"]).or_else(|| three(["x_m", "y_m", "z_m"]));
-        let place = place.ok_or_else(|| {
+        let place = three([["x", "x_m"], ["y", "y_m"], ["z", "z_m"]]).ok_or_else(|| {
             let found = format!("columns {}", header.join(" "));
             InputError::new(file, format!("line {line}"), found, "x y z in metres, among others under their names")
         })?;
-        let normal = three(["nx", "ny", "nz"]).or_else(|| three(["normal_x", "normal_y", "normal_z"]));
+        let normal = three([["nx", "normal_x"], ["ny", "normal_y"], ["nz", "normal_z"]]);
         Ok(Self { place, normal, are_named: true, count: header.len() })
     }
 }

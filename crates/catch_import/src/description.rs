@@ -17,12 +17,17 @@ use nalgebra::{Matrix3, Unit, Vector3};
 
 use catch_body::{
     Pose, TriangleMesh,
+    quantity::Quantity,
     robot::Inertia,
     shape::{Capsule, Cuboid},
 };
 
 pub use chain::{Body, Chain, ChainJoint, Fingers, Selection};
 
+/// Extents of a shape.
+const EXTENT_M: Quantity = Quantity { least: 0.0, most: 1e4, unit: "m" };
+/// Factors on the axes of a mesh; a mirrored one has a negative factor.
+const MESH_SCALE: Quantity = Quantity { least: -1000.0, most: 1000.0, unit: "m per unit" };
 /// Sides of the polygons that stand for circles.
 const SIDES: u32 = 32;
 /// Number of times that the triangles of an ellipsoid are divided in four, and the factor by which they are
@@ -31,7 +36,7 @@ const BALL_DIVISIONS: u32 = 4;
 const BALL_WIDER: f64 = 1.001;
 
 /// A tree of links and joints.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Description {
     /// Name of the file in errors.
     pub file: String,
@@ -116,8 +121,24 @@ pub struct TreeJoint {
     pub X_PL: Pose,
     /// Axis in the frame of the moved link.
     pub axis: Unit<Vector3<f64>>,
-    /// Lowest and highest position, as all that is stated leaves them: the first may be above the second.
-    pub range: Option<[f64; 2]>,
+    /// Limits, as all that is stated leaves them.
+    pub limits: StatedLimits,
+    /// Viscous damping.
+    pub damping: f64,
+    /// Rotor inertia, reflected to the joint, in kg·m².
+    pub rotor_inertia: Option<f64>,
+    /// Driver of a joint that does not move on its own: the name of another joint, or of a body with which it
+    /// is part of a loop.
+    pub mimics: Option<String>,
+}
+
+/// Limits of a joint; `None` where nobody states one.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StatedLimits {
+    /// Lowest position; of a description that states several bounds, it may be above the highest.
+    pub lower: Option<f64>,
+    /// Highest position.
+    pub upper: Option<f64>,
     /// Highest speed.
     pub velocity: Option<f64>,
     /// Highest acceleration.
@@ -126,13 +147,25 @@ pub struct TreeJoint {
     pub jerk: Option<f64>,
     /// Highest torque or force.
     pub effort: Option<f64>,
-    /// Viscous damping.
-    pub damping: f64,
-    /// Rotor inertia, reflected to the joint, in kg·m².
-    pub rotor_inertia: Option<f64>,
-    /// Driver of a joint that does not move on its own: the name of another joint, or of a body with which it
-    /// is part of a loop.
-    pub mimics: Option<String>,
+}
+
+impl StatedLimits {
+    /// The narrower of each limit.
+    pub fn narrowed(&self, other: &Self) -> Self {
+        Self {
+            lower: narrower(self.lower, other.lower, f64::max),
+            upper: narrower(self.upper, other.upper, f64::min),
+            velocity: narrower(self.velocity, other.velocity, f64::min),
+            acceleration: narrower(self.acceleration, other.acceleration, f64::min),
+            jerk: narrower(self.jerk, other.jerk, f64::min),
+            effort: narrower(self.effort, other.effort, f64::min),
+        }
+    }
+}
+
+/// The narrower of two limits, as `pick` says.
+pub fn narrower(one: Option<f64>, other: Option<f64>, pick: fn(f64, f64) -> f64) -> Option<f64> {
+    [one, other].into_iter().flatten().reduce(pick)
 }
 
 /// Kind of a joint's motion.
@@ -152,27 +185,6 @@ impl Description {
     /// The joints whose parent is `link`.
     pub fn joints_of(&self, link: &str) -> &[TreeJoint] {
         self.joints.get(link).map_or(&[], Vec::as_slice)
-    }
-}
-
-impl TreeJoint {
-    /// A joint that does not move, its child where its parent is.
-    pub fn fixed(name: String, child: &str) -> Self {
-        Self {
-            name,
-            kind: JointKind::Fixed,
-            child: child.to_owned(),
-            X_PL: Pose::identity(),
-            axis: Vector3::z_axis(),
-            range: None,
-            velocity: None,
-            acceleration: None,
-            jerk: None,
-            effort: None,
-            damping: 0.0,
-            rotor_inertia: None,
-            mimics: None,
-        }
     }
 }
 
@@ -221,7 +233,10 @@ impl Geometry {
         };
         let mesh = match self.shape {
             Shape::Cuboid(size) => TriangleMesh::cuboid(&Cuboid { centre: nalgebra::Point3::origin(), size }),
-            Shape::Cylinder { radius_m, length_m } => prism(radius_m * wider, length_m),
+            Shape::Cylinder { radius_m, length_m } => {
+                let (r, h) = (radius_m * wider, length_m / 2.0);
+                TriangleMesh::revolution(&[[-h, r], [h, r]], SIDES)
+            }
             Shape::Capsule { radius_m, length_m } => along_z(radius_m, length_m),
             Shape::Sphere(radius_m) => along_z(radius_m, 1e-9),
             Shape::Ellipsoid(half_axes) => {
@@ -235,26 +250,26 @@ impl Geometry {
     }
 }
 
-/// A prism along z whose base is a regular polygon with its corners at `radius`.
-fn prism(radius: f64, length_m: f64) -> TriangleMesh {
-    let corner = |i: u32, z: f64| {
-        let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(i) / f64::from(SIDES));
-        nalgebra::Point3::new(radius * cos, radius * sin, z)
-    };
-    let half = length_m / 2.0;
-    let vertices = [-half, half].into_iter().flat_map(|z| (0..SIDES).map(move |i| corner(i, z))).collect();
-    let side = |i: u32| {
-        let next = (i + 1) % SIDES;
-        [[i, next, SIDES + next], [i, SIDES + next, SIDES + i]]
-    };
-    let ends = |i: u32| [[0, i + 1, i], [SIDES, SIDES + i, SIDES + i + 1]];
-    let triangles = (0..SIDES).flat_map(side).chain((1..SIDES - 1).flat_map(ends)).collect();
-    TriangleMesh { vertices, triangles }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl TreeJoint {
+        /// A joint that does not move, its child where its parent is.
+        pub fn fixed(name: String, child: &str) -> Self {
+            Self {
+                name,
+                kind: JointKind::Fixed,
+                child: child.to_owned(),
+                X_PL: Pose::identity(),
+                axis: Vector3::z_axis(),
+                limits: StatedLimits::default(),
+                damping: 0.0,
+                rotor_inertia: None,
+                mimics: None,
+            }
+        }
+    }
 
     #[test]
     fn surfaces_are_closed_and_hold_their_shapes() {

@@ -1,35 +1,39 @@
 //! Meshes that a description names, each read once, and all of them bounded together.
 
-use std::{collections::HashMap, path::PathBuf, rc::Rc};
+use std::{collections::HashMap, path::Path, rc::Rc};
 
 use catch_body::{InputError, TriangleMesh, mesh_file::MOST_TRIANGLES};
 use nalgebra::Point3;
 
-use crate::description::{Geometry, Shape};
+use crate::{
+    description::{Geometry, Shape},
+    mesh_paths::resolve,
+    surface_file::{self, MESH},
+};
 
 /// The groups of a mesh file.
 type Groups = Result<Vec<TriangleMesh>, InputError>;
 
-/// The meshes of a description, as `read` reads the file that a name means.
+/// The meshes of a description.
 pub struct MeshFiles<'a> {
-    read: Box<dyn Fn(&str) -> Groups + 'a>,
+    /// The description.
+    file: &'a Path,
     known: HashMap<String, Result<Rc<Vec<TriangleMesh>>, InputError>>,
     triangles: usize,
 }
 
 impl<'a> MeshFiles<'a> {
-    pub fn new(read: impl Fn(&str) -> Groups + 'a) -> Self {
-        Self { read: Box::new(read), known: HashMap::new(), triangles: 0 }
+    pub fn new(file: &'a Path) -> Self {
+        Self { file, known: HashMap::new(), triangles: 0 }
     }
 
-    /// Reads shapes of the description `file` in their link's frame, the groups of a mesh file apart; those
+    /// Reads shapes of the description in their link's frame, the groups of a mesh file apart; those
     /// that cannot be read, or have a `fault`, are faults.
     ///
     /// # Errors
     /// If the triangles are too many together with those before.
     pub fn placed(
         &mut self,
-        file: &str,
         shapes: &[Geometry],
         fault: impl Fn(&Geometry, &TriangleMesh) -> Option<InputError>,
     ) -> Result<(Vec<TriangleMesh>, Vec<InputError>), InputError> {
@@ -49,7 +53,7 @@ impl<'a> MeshFiles<'a> {
             self.triangles += groups.iter().map(|it| it.triangles.len()).sum::<usize>();
             if self.triangles > MOST_TRIANGLES {
                 let expected = format!("at most {MOST_TRIANGLES} in all shapes, each instance counted");
-                return Err(InputError::new(file, "shapes", "more triangles", expected));
+                return Err(InputError::new(self.file.display(), "shapes", "more triangles", expected));
             }
             all.extend(groups);
         }
@@ -61,7 +65,7 @@ impl<'a> MeshFiles<'a> {
             return Ok(geometry.surface().into_iter().collect());
         };
         let known = self.known.entry(named.to_owned());
-        let mut groups = (*known.or_insert_with(|| (self.read)(named).map(Rc::new)).clone()?).clone();
+        let mut groups = (*known.or_insert_with(|| read(self.file, named).map(Rc::new)).clone()?).clone();
         for vertex in groups.iter_mut().flat_map(|it| &mut it.vertices) {
             *vertex = geometry.X_LS * Point3::from(vertex.coords.component_mul(scale));
         }
@@ -69,11 +73,9 @@ impl<'a> MeshFiles<'a> {
     }
 }
 
-/// The file that `named` means.
-///
-/// # Errors
-/// If there is none.
-pub(super) fn located(file: &std::path::Path, named: &str, expected: &str) -> Result<PathBuf, InputError> {
+/// The groups of the mesh that the description `file` calls `named`.
+fn read(file: &Path, named: &str) -> Groups {
     let found = "no such file beside the description, or in or below the folders above it";
-    super::mesh_paths::resolve(file, named).ok_or_else(|| InputError::new(named, "the file", found, expected))
+    let path = resolve(file, named).ok_or_else(|| InputError::new(named, "the file", found, MESH.expected))?;
+    surface_file::read(&path).map(|(groups, _)| groups)
 }

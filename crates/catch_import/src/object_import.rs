@@ -6,8 +6,6 @@
 
 mod depth_images;
 mod draft;
-mod gltf;
-mod gltf_accessor;
 mod mass;
 mod normal_signs;
 mod scan;
@@ -18,7 +16,7 @@ use std::path::Path;
 use catch_body::{InputError, TriangleMesh, quantity};
 use catch_sim::{ThrownObject, object::check_length};
 
-use crate::mesh_repair::{RepairLimits, repaired};
+use crate::mesh_repair::repaired;
 use catch_recording::whole_file::COMMAND_LINE;
 use draft::Draft;
 use source::Source;
@@ -88,13 +86,11 @@ impl ImportedObject {
         let length_m = source.surface.aabb().size.max();
         check_length(&file, "the shape", length_m, "a mesh in millimetres needs `--scale 0.001`")?;
 
-        let limits = RepairLimits { largest_hole_m: options.largest_hole_m.unwrap_or(LARGEST_HOLE * length_m) };
+        let largest_hole_m = options.largest_hole_m.unwrap_or(LARGEST_HOLE * length_m);
         let surface = std::mem::take(&mut source.surface);
-        let repair = repaired(&surface, &limits)
-            .map_err(|defect| InputError::new(&file, "the surface", defect, defect.remedy()))?;
+        let (mut mesh, repairs) = repaired(&file, &surface, largest_hole_m)?;
         drop(surface);
-        findings.extend(repair.repairs.iter().map(ToString::to_string));
-        let mut mesh = repair.mesh;
+        findings.extend(repairs);
         if let Some((fewer, cell_m)) = mesh.simplified(MOST_TRIANGLES) {
             let (count, volume) = (fewer.triangles.len(), 100.0 * (fewer.volume() / mesh.volume() - 1.0));
             let cell_mm = cell_m * 1e3;

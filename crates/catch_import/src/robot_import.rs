@@ -15,7 +15,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::description::{Chain, Description, Selection};
+use crate::description::{Chain, Description, Selection, StatedLimits};
 use catch_body::{
     Gripper, InputError, JointVector, Robot,
     document::root_element,
@@ -29,10 +29,9 @@ use nalgebra::{Point3, Translation3};
 
 use super::{mesh_files::MeshFiles, model_of_mujoco};
 use catch_recording::{bounded_file::FileKind, whole_file::COMMAND_LINE};
-use draft::{DENSITY_KGPM3, GivenValues, assumed_inertia, is_joint, limits_of, rounded};
+use draft::{DENSITY_KGPM3, assumed_inertia, is_joint, limits_of, rounded};
 pub use draft::{Draft, JointValues};
 pub use geometry::BodyShape;
-use joint_limits::JointLimitFields;
 
 /// Around links whose shape is unknown, in metres.
 const UNKNOWN_RADIUS_M: f64 = 0.06;
@@ -95,7 +94,7 @@ impl ImportedRobot {
         let limits = read_limits(file, options, &description)?;
 
         let bodies = std::iter::once(&chain.base).chain(chain.joints.iter().map(|it| &it.body));
-        let mut meshes = MeshFiles::new(|named| geometry::read_mesh(file, named));
+        let mut meshes = MeshFiles::new(file);
         let shapes: Result<Vec<BodyShape>, _> = bodies.map(|body| BodyShape::of(file, body, &mut meshes)).collect();
         let mut shapes = shapes?;
         assume_shapes(&chain, &mut shapes);
@@ -203,7 +202,7 @@ fn read_limits(
     file: &Path,
     options: &ImportOptions,
     description: &Description,
-) -> Result<BTreeMap<String, JointLimitFields>, InputError> {
+) -> Result<BTreeMap<String, StatedLimits>, InputError> {
     let beside = file.with_file_name(LIMITS_FILE);
     let path = match &options.joint_limits {
         Some(path) => path.clone(),
@@ -227,7 +226,7 @@ fn read_limits(
 fn joint_values(
     file: &str,
     chain: &Chain,
-    limits: &BTreeMap<String, JointLimitFields>,
+    limits: &BTreeMap<String, StatedLimits>,
     options: &ImportOptions,
 ) -> Result<Vec<JointValues>, InputError> {
     let dof = chain.joints.len();
@@ -236,8 +235,8 @@ fn joint_values(
     let rotor_inertia = per_joint(&options.rotor_inertia, dof, "--rotor-inertia", quantity::ROTOR_INERTIA_KGM2)?;
     let jerk = per_joint(&options.max_jerk, dof, "--max-jerk", quantity::JOINT_JERK_RADPS3)?;
     let joints = chain.joints.iter().enumerate().map(|(i, joint)| {
-        let given = GivenValues { acceleration: acceleration[i], rotor_inertia: rotor_inertia[i], jerk: jerk[i] };
-        JointValues::of(file, joint, &limits_of(limits, &joint.joint.name), &given)
+        let given = [acceleration[i], rotor_inertia[i], jerk[i]];
+        JointValues::of(file, joint, &limits_of(limits, &joint.joint.name), given)
     });
     joints.collect()
 }

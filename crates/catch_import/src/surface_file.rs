@@ -1,35 +1,41 @@
-//! Reads surfaces from OBJ, STL, COLLADA and PLY files.
+//! Reads surfaces from OBJ, STL, COLLADA, PLY and glTF files.
 
 mod collada;
+mod gltf;
+mod gltf_accessor;
 mod ply;
+
+use std::path::Path;
 
 use catch_body::{
     InputError, TriangleMesh,
-    mesh_file::{Soup, check_size, checked, extension, groups_of, welded},
+    mesh_file::{Soup, checked, extension, groups_of},
 };
 use nalgebra::Point3;
 
-pub use ply::PlyFile;
-pub(crate) use ply::strip;
+use crate::mesh_paths::resolve;
+use catch_recording::bounded_file::FileKind;
 
-/// Reads a surface in the unit of its file, or in metres where that states its unit; nothing is asked of it
-/// but finite vertices.
-///
-/// The extension of `file` says which format the bytes have: `.obj`, `.stl` or `.dae` (COLLADA).
+pub use ply::PlyFile;
+
+/// Files with surfaces, or with points of one.
+pub(crate) const MESH: FileKind =
+    FileKind::geometry("a mesh: .obj, .stl, .ply, .dae, .gltf or .glb, or a cloud: .ply, .pcd or .xyz");
+
+/// The triangles of each group of a file, as [`triangles_from_bytes`] has them; glTF (`.gltf`, `.glb`) is
+/// read as well. True beside them if they are in metres by the format.
 ///
 /// # Errors
-/// If the bytes are not a mesh of that format, or have no triangle, numbers that are not finite or indices
-/// without a vertex.
-pub fn surface_from_bytes(file: &str, bytes: &[u8]) -> Result<TriangleMesh, InputError> {
-    check_size(file, bytes)?;
-    let mut surface = TriangleMesh::default();
-    for (points, faces) in checked(file, groups(file, bytes)?)? {
-        surface.merge(&welded(&points, &faces, 1.0));
+/// A file that cannot be read, and as [`triangles_from_bytes`].
+pub(crate) fn read(path: &Path) -> Result<(Vec<TriangleMesh>, bool), InputError> {
+    let (file, bytes) = (path.display().to_string(), MESH.read(path)?);
+    match extension(&file).as_str() {
+        "gltf" | "glb" => {
+            let load = |name: &str| MESH.read(&resolve(path, name).unwrap_or_else(|| path.with_file_name(name)));
+            Ok((vec![gltf::read(&file, &bytes, &load)?], true))
+        }
+        ending => Ok((triangles_from_bytes(&file, &bytes)?, ending == "dae")),
     }
-    if surface.triangles.is_empty() {
-        return Err(InputError::new(file, "faces", "no triangles", "a surface"));
-    }
-    Ok(surface)
 }
 
 /// Reads the triangles of each group of an OBJ file as they stand there, in its unit or in metres where it
@@ -42,11 +48,14 @@ pub fn surface_from_bytes(file: &str, bytes: &[u8]) -> Result<TriangleMesh, Inpu
 /// If the bytes are not a mesh of that format, or have no triangle, numbers that are not finite or indices
 /// without a vertex.
 pub fn triangles_from_bytes(file: &str, bytes: &[u8]) -> Result<Vec<TriangleMesh>, InputError> {
-    let groups = if extension(file) == "ply" {
-        let PlyFile { vertices, triangles, .. } = PlyFile::from_bytes(file, bytes)?;
-        vec![(vertices, triangles)]
-    } else {
-        groups(file, bytes)?
+    let groups = match extension(file).as_str() {
+        "dae" => vec![collada::read(file, bytes)?],
+        "obj" | "stl" => groups_of(file, bytes)?,
+        "ply" => {
+            let PlyFile { vertices, triangles, .. } = PlyFile::from_bytes(file, bytes)?;
+            vec![(vertices, triangles)]
+        }
+        other => return Err(InputError::new(file, "extension", format!("`{other}`"), MESH.expected)),
     };
     let mesh = |(vertices, triangles): Soup| TriangleMesh {
         vertices: vertices.into_iter().map(Point3::from).collect(),
@@ -55,13 +64,4 @@ pub fn triangles_from_bytes(file: &str, bytes: &[u8]) -> Result<Vec<TriangleMesh
     let groups: Vec<TriangleMesh> = checked(file, groups)?.into_iter().map(mesh).collect();
     let none = groups.iter().all(|it| it.triangles.is_empty());
     if none { Err(InputError::new(file, "faces", "no triangles", "a surface")) } else { Ok(groups) }
-}
-
-/// The groups of a file of any format but PLY.
-fn groups(file: &str, bytes: &[u8]) -> Result<Vec<Soup>, InputError> {
-    match extension(file).as_str() {
-        "dae" => Ok(vec![collada::read(file, bytes)?]),
-        "obj" | "stl" => groups_of(file, bytes),
-        other => Err(InputError::new(file, "extension", other, "a mesh: .obj, .stl or .dae")),
-    }
 }

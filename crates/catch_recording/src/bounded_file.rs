@@ -106,6 +106,17 @@ impl<'a> FileKind<'a> {
     }
 }
 
+/// Paths of what is in a folder, in the order of their names; `expected` says what the folder should be.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn paths_in(folder: &Path, expected: &str) -> Result<Vec<PathBuf>, InputError> {
+    let fault = |it: io::Error| InputError::new(folder.display(), "the folder", it, expected);
+    let mut paths: Vec<PathBuf> = fs::read_dir(folder).map_err(fault)?.flatten().map(|it| it.path()).collect();
+    paths.sort();
+    Ok(paths)
+}
+
 /// States why a file cannot be read.
 fn in_words(fault: &io::Error) -> String {
     match fault.kind() {

@@ -40,9 +40,7 @@ impl Equipment {
         object: ThrownObject,
         cameras: Vec<CameraModel>,
     ) -> Self {
-        if config.published_gripper {
-            gripper = gripper.as_published();
-        }
+        gripper.is_published |= config.published_gripper;
         let robot = robot.with_mount_of(&gripper);
         let shared = Shared {
             renderer: Renderer::new(&robot, &gripper, &object.mesh, config.floor_visible),

@@ -97,6 +97,24 @@ impl<'d> Node<'d> {
         self.named(name, false).next()
     }
 
+    /// The element of this name, if there is one.
+    ///
+    /// # Errors
+    /// If there are several.
+    pub fn only(self, name: &'static str) -> Result<Option<Self>, InputError> {
+        let mut all = self.children(name);
+        let (first, second) = (all.next(), all.next());
+        if second.is_some() { Err(self.fault_of(name, "the element twice", "it once")) } else { Ok(first) }
+    }
+
+    /// The element of this name.
+    ///
+    /// # Errors
+    /// If there is none, or several.
+    pub fn required(self, name: &'static str) -> Result<Self, InputError> {
+        self.only(name)?.ok_or_else(|| self.fault_of(name, "nothing", format!("an element <{name}>")))
+    }
+
     /// Items of a list.
     pub fn items(self) -> impl Iterator<Item = Self> {
         self.elements().filter(|it| it.name().is_empty()).map(Self::read)
@@ -115,6 +133,35 @@ impl<'d> Node<'d> {
     /// Returns whether there is an attribute of this name, which is asked for by this.
     pub fn has(self, name: &'static str) -> bool {
         self.attribute(name).is_some()
+    }
+
+    fn required_attribute(self, name: &'static str) -> Result<Self, InputError> {
+        let missing = || self.fault_of(name, "nothing", format!("an attribute {name}=\"…\""));
+        self.named(name, true).next().ok_or_else(missing)
+    }
+
+    /// The value of an attribute.
+    ///
+    /// # Errors
+    /// If it is missing.
+    pub fn text_of(self, name: &'static str) -> Result<&'d str, InputError> {
+        self.required_attribute(name).map(|it| &*it.part().text)
+    }
+
+    /// The number that an attribute is.
+    ///
+    /// # Errors
+    /// If it is missing, no number, or out of its range.
+    pub fn number_of(self, name: &'static str, range: Quantity) -> Result<f64, InputError> {
+        self.required_attribute(name)?.number(range)
+    }
+
+    /// The three numbers that an attribute is.
+    ///
+    /// # Errors
+    /// As [`number_of`](Self::number_of).
+    pub fn vector(self, name: &'static str, range: Quantity) -> Result<[f64; 3], InputError> {
+        self.required_attribute(name)?.numbers(range)
     }
 
     /// This part and all elements within it, none of which is asked for by this.
@@ -160,6 +207,11 @@ impl<'d> Node<'d> {
     /// A fault at the part's place.
     pub fn fault(self, found: impl Display, expected: impl Display) -> InputError {
         InputError::new(&self.document.file, self.place(), found, expected)
+    }
+
+    /// A fault of an attribute of this part, or of an element within it.
+    pub fn fault_of(self, part: &str, found: impl Display, expected: impl Display) -> InputError {
+        InputError::new(&self.document.file, format!("{}.{part}", self.place()), found, expected)
     }
 
     /// Place of the part: its line, if that is known, and its path.

@@ -4,7 +4,7 @@ use nalgebra::Matrix3;
 use serde::Deserialize;
 
 use super::{RobotFiles, unreasoned};
-use crate::{InputError, quantity, robot::Inertia, urdf::Element};
+use crate::{InputError, document::Node, quantity, robot::Inertia, urdf};
 
 /// Condition on the moments of inertia of a body.
 const OF_A_BODY: &str = "moments above zero, none larger than the sum of the other two";
@@ -28,12 +28,12 @@ pub(super) struct LinkFields {
 }
 
 /// The inertia that the URDF states.
-pub(super) fn link_inertia(link: &Element) -> Result<Inertia, InputError> {
+pub(super) fn link_inertia(link: Node) -> Result<Inertia, InputError> {
     let inertial = link.required("inertial")?;
-    let inertia = inertial.inertia([quantity::PART_MASS_KG, quantity::INERTIA_KGM2, quantity::OFFSET_M])?;
+    let inertia = urdf::inertia(inertial, [quantity::PART_MASS_KG, quantity::INERTIA_KGM2, quantity::OFFSET_M])?;
     if !inertia.is_of_a_body() {
         let found = format!("principal moments {:?}", inertia.about_com.symmetric_eigenvalues().as_slice());
-        return Err(inertial.fault("inertia", found, OF_A_BODY));
+        return Err(inertial.fault_of("inertia", found, OF_A_BODY));
     }
     Ok(inertia)
 }

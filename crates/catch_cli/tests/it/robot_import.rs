@@ -220,8 +220,8 @@ fn what_cannot_be_imported_is_refused_and_nothing_is_written() {
     for (arguments, expected) in [
         (vec![xacro], "arm.urdf.xacro > robot.urdf` expands it"),
         (vec![sliding], "`--base two` begins behind it"),
-        (vec![child], "joint j3: child: found the link `tree`, which is not there"),
-        (vec![parent], "joint j4: parent: found the link `tree`, which is not there"),
+        (vec![child], "joint j3.child: found the link `tree`, which is not there"),
+        (vec![parent], "joint j4.parent: found the link `tree`, which is not there"),
         (vec![file, "--base", "four"], "found 2 from four on that move an arm, expected 3 or more revolute joints"),
         (vec![file, "--tip", "nose"], "--tip: found `nose`, expected one of the links base, five"),
         (

@@ -136,7 +136,7 @@ impl<'a> Tree<'a> {
     /// something, or it bears its link in the middle.
     fn is_no_jaw(&self, last: &TreeJoint) -> Result<(), InputError> {
         let is_end = self.description.joints_of(&last.child).is_empty();
-        let Some([lower, upper]) = last.range.filter(|_| is_end) else { return Ok(()) };
+        let (Some(lower), Some(upper), true) = (last.limits.lower, last.limits.upper, is_end) else { return Ok(()) };
         let is_one_sided = (lower + upper).abs() > JAW_ONE_SIDED * (upper - lower) && upper - lower < JAW_RANGE_RAD;
         let inertia = self.description.links.get(&last.child).and_then(|it| it.inertia);
         let off_axis_m = inertia.map(|it| {

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
-use super::{Description, Geometry, Link, Shape};
+use super::{Description, EXTENT_M, Geometry, Link, MESH_SCALE, Shape};
 use catch_body::{
     InputError, Pose,
     document::{Document, Harmless, Node},
@@ -14,20 +14,14 @@ use catch_body::{
 
 /// Kind of file that is expected.
 const EXPECTED: &str = "a model in the Simulation Description Format (SDF)";
-/// Extents of a shape.
-const EXTENT_M: Quantity = Quantity { least: 0.0, most: 1e4, unit: "m" };
 /// Offsets in metres, and angles in radians or degrees.
 const POSE: Quantity = Quantity { least: -1000.0, most: 1000.0, unit: "m or rad" };
-/// Factors on the axes of a mesh; a mirrored one has a negative factor.
-const MESH_SCALE: Quantity = Quantity { least: -1000.0, most: 1000.0, unit: "m per unit" };
 /// Masses and moments of whatever a file describes.
 const MASS_KG: Quantity = Quantity { least: 0.0, most: 1e9, unit: "kg" };
 const MOMENT_KGM2: Quantity = Quantity { least: -1e9, most: 1e9, unit: "kg·m²" };
 /// Densities that are stated, and the one that SDF means where none is.
 const DENSITY_KGPM3: Quantity = Quantity { least: 0.0, most: 1e5, unit: "kg/m³" };
 const WATER_KGPM3: f64 = 1000.0;
-/// Friction coefficients, some of which are none of a surface: of some simulators -1 is that nothing slips.
-const FRICTION: Quantity = Quantity { least: -f64::MAX, most: f64::MAX, unit: "" };
 
 /// Names that only place, move, draw or sense; friction and bounce are found within `<surface>`.
 const HARMLESS: Harmless = &[
@@ -78,13 +72,7 @@ impl Description {
             let found = format!("{} models: {}", models.len(), names.join(", "));
             return Err(InputError::new(file, "sdf", found, "a file with one of them"));
         }
-        let mut description = Self {
-            file: file.to_owned(),
-            name: String::new(),
-            root: String::new(),
-            links: Default::default(),
-            joints: Default::default(),
-        };
+        let mut description = Self { file: file.to_owned(), ..Self::default() };
         if let Some(model) = models.first() {
             description.name = model.attribute("name").unwrap_or_default().to_owned();
             description.add_model(*model, "")?;
@@ -146,8 +134,9 @@ fn friction(link: Node<'_>) -> Result<(Option<f64>, Vec<String>), InputError> {
         let mut used = None;
         for names in [&["drake:mu_dynamic"][..], &["mu", "mu2"], &["friction", "friction2"]] {
             let stated = collision.descendants().filter(|it| names.contains(&it.name()) && !it.text().is_empty());
+            // Some of them are none of a surface: of some simulators -1 is that nothing slips.
             let stated: Vec<_> =
-                stated.map(|it| Ok((it.name(), it.number(FRICTION)?))).collect::<Result<_, InputError>>()?;
+                stated.map(|it| Ok((it.name(), it.number(quantity::FINITE)?))).collect::<Result<_, InputError>>()?;
             used = used.or(stated.iter().map(|it| it.1).reduce(f64::min));
             all.extend(stated);
         }
@@ -198,22 +187,16 @@ fn filled(node: Node, parts: &Parts, density: f64, mass: Option<f64>) -> Result<
 fn geometry(node: Node, link: &str) -> Result<Option<Geometry>, InputError> {
     let Some(geometry) = node.child("geometry") else { return Ok(None) };
     let X_LS = pose(node, link)?;
-    let needed = |of: Node<'_>, name: &'static str| {
-        let missing = of.fault(format!("no <{name}>"), format!("an element <{name}>"));
-        of.child(name).map(|it| it.number(EXTENT_M)).ok_or(missing)?
-    };
-    let three = |of: Node<'_>, name: &'static str, range| {
-        let missing = of.fault(format!("no <{name}>"), "three lengths in metres");
-        of.child(name).map(|it| it.numbers::<3>(range)).ok_or(missing)?.map(Vector3::from)
-    };
+    let length = |of: Node, name| of.required(name)?.number(EXTENT_M);
+    let three = |of: Node, name, range| of.required(name)?.numbers::<3>(range).map(Vector3::from);
     let shape = if let Some(it) = geometry.child("box") {
         Shape::Cuboid(three(it, "size", EXTENT_M)?)
     } else if let Some(it) = geometry.child("cylinder") {
-        Shape::Cylinder { radius_m: needed(it, "radius")?, length_m: needed(it, "length")? }
+        Shape::Cylinder { radius_m: length(it, "radius")?, length_m: length(it, "length")? }
     } else if let Some(it) = geometry.child("capsule") {
-        Shape::Capsule { radius_m: needed(it, "radius")?, length_m: needed(it, "length")? }
+        Shape::Capsule { radius_m: length(it, "radius")?, length_m: length(it, "length")? }
     } else if let Some(it) = geometry.child("sphere") {
-        Shape::Sphere(needed(it, "radius")?)
+        Shape::Sphere(length(it, "radius")?)
     } else if let Some(it) = geometry.child("ellipsoid") {
         Shape::Ellipsoid(three(it, "radii", EXTENT_M)?)
     } else if let Some(it) = geometry.child("mesh") {
@@ -316,7 +299,7 @@ mod tests {
             ("sdf", "urdf", "found <urdf>"),
             ("<mass>0.3", "<mass>heavy", "link can.inertial.mass: found `heavy`"),
             (">0.9<", ">9<", "bounce.restitution_coefficient: found `9`"),
-            ("<radius>0.03</radius>", "", "no <radius>"),
+            ("<radius>0.03</radius>", "", "geometry.cylinder.radius: found nothing, expected an element <radius>"),
             ("<pose>0 0 0.1 1.5707963 0 0", "<pose>0 0 0.1", "visual v.pose: found `0 0 0.1`"),
             ("package://a/can.gltf", "", "a mesh without <uri>"),
         ] {

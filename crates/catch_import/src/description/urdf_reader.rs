@@ -2,24 +2,19 @@
 
 use nalgebra::{Unit, Vector3};
 
-use super::{Description, Geometry, JointKind, Link, Shape, TreeJoint};
+use super::{Description, EXTENT_M, Geometry, JointKind, Link, MESH_SCALE, Shape, StatedLimits, TreeJoint};
 use catch_body::{
     InputError,
+    document::Node,
     quantity::{self, Quantity},
-    urdf::{self, Element, Urdf},
+    urdf::{self, Urdf},
 };
 
-/// Numbers that some files give as zero, or without bound, where nobody knows them.
-const ANY_NUMBER: Quantity = Quantity { least: -f64::MAX, most: f64::MAX, unit: "" };
 /// Masses and moments of whatever a file describes; what an arm can have is asked of the links that it
 /// consists of.
 const NOT_NEGATIVE: Quantity = Quantity { least: 0.0, most: f64::MAX, unit: "" };
 /// Offsets, likewise.
 const OFFSET_M: Quantity = Quantity { least: -1e4, most: 1e4, unit: "m" };
-/// Extents of a shape.
-const EXTENT_M: Quantity = Quantity { least: 0.0, most: 1e4, unit: "m" };
-/// Factors on the axes of a mesh; a mirrored one has a negative factor.
-const MESH_SCALE: Quantity = Quantity { least: -1000.0, most: 1000.0, unit: "m per unit" };
 
 /// Turns of a motor for one of its joint; backwards is negative.
 const GEAR_RATIO: Quantity = Quantity { least: -1e5, most: 1e5, unit: "" };
@@ -30,60 +25,46 @@ impl Description {
     /// # Errors
     /// If it is no URDF, or has elements of xacro; an element without its name, a number out of its range.
     pub fn from_urdf(file: &str, text: &str) -> Result<Self, InputError> {
-        read(file, text)
-    }
-}
-
-fn read(file: &str, text: &str) -> Result<Description, InputError> {
-    let document = urdf::parse(file, text)?;
-    let urdf = Urdf::read(&document)?;
-    let roots = urdf.roots();
-    let [root] = roots[..] else {
-        let found = format!("{} links without a parent", roots.len());
-        return Err(InputError::new(file, "link", found, "one base link"));
-    };
-    let mut description = Description {
-        file: file.to_owned(),
-        name: urdf.name.clone(),
-        root: root.to_owned(),
-        links: Default::default(),
-        joints: Default::default(),
-    };
-    for (name, element) in urdf.links() {
-        description.links.insert(name.to_owned(), link(element)?);
-        let joints = urdf.joints_of(name).iter().map(joint).collect::<Result<Vec<_>, _>>()?;
-        if !joints.is_empty() {
-            description.joints.insert(name.to_owned(), joints);
+        let document = urdf::parse(file, text)?;
+        let urdf = Urdf::read(&document)?;
+        let mut description =
+            Self { file: file.to_owned(), name: urdf.name.clone(), root: urdf.root.to_owned(), ..Self::default() };
+        for (&name, &element) in &urdf.links {
+            description.links.insert(name.to_owned(), link(element)?);
+            let joints = urdf.joints_of(name).iter().map(|it| joint(*it)).collect::<Result<Vec<_>, _>>()?;
+            if !joints.is_empty() {
+                description.joints.insert(name.to_owned(), joints);
+            }
         }
+        for (joint, rotor_inertia) in rotor_inertias(&urdf)? {
+            let of_joint = description.joints.values_mut().flatten().filter(|it| it.name == joint);
+            of_joint.for_each(|it| it.rotor_inertia = Some(rotor_inertia));
+        }
+        document.finish(&[urdf::HARMLESS])?;
+        Ok(description)
     }
-    for (joint, rotor_inertia) in rotor_inertias(&urdf)? {
-        let of_joint = description.joints.values_mut().flatten().filter(|it| it.name == joint);
-        of_joint.for_each(|it| it.rotor_inertia = Some(rotor_inertia));
-    }
-    document.finish(&[urdf::HARMLESS])?;
-    Ok(description)
 }
 
 /// Rotor inertias that transmissions state as Drake reads them, reflected to their joints.
 fn rotor_inertias<'a>(urdf: &Urdf<'a>) -> Result<Vec<(&'a str, f64)>, InputError> {
     let mut all = Vec::new();
-    for transmission in urdf.transmissions() {
+    for transmission in &urdf.transmissions {
         // A differential has two of both, of which only those of its maker know what moves what.
         for actuator in transmission.children("actuator") {
-            let Some(rotor) = actuator.child("drake:rotor_inertia")? else { continue };
-            let gear = actuator.child("drake:gear_ratio")?;
-            let ratio = gear.map_or(Ok(1.0), |it| it.number("value", GEAR_RATIO))?;
-            let joint = transmission.required("joint")?.text("name")?;
-            all.push((joint, rotor.number("value", NOT_NEGATIVE)? * ratio * ratio));
+            let Some(rotor) = actuator.only("drake:rotor_inertia")? else { continue };
+            let gear = actuator.only("drake:gear_ratio")?;
+            let ratio = gear.map_or(Ok(1.0), |it| it.number_of("value", GEAR_RATIO))?;
+            let joint = transmission.required("joint")?.text_of("name")?;
+            all.push((joint, rotor.number_of("value", NOT_NEGATIVE)? * ratio * ratio));
         }
     }
     Ok(all)
 }
 
-fn link(element: &Element) -> Result<Link, InputError> {
-    let inertia = match element.child("inertial")? {
-        Some(inertial) if weighs_something(&inertial)? => {
-            Some(inertial.inertia([NOT_NEGATIVE, ANY_NUMBER, OFFSET_M])?)
+fn link(element: Node) -> Result<Link, InputError> {
+    let inertia = match element.only("inertial")? {
+        Some(inertial) if weighs_something(inertial)? => {
+            Some(urdf::inertia(inertial, [NOT_NEGATIVE, quantity::FINITE, OFFSET_M])?)
         }
         Some(nothing) => {
             nothing.leave_out();
@@ -91,11 +72,11 @@ fn link(element: &Element) -> Result<Link, InputError> {
         }
         None => None,
     };
-    let shapes = |name| element.children(name).map(|it| geometry(&it)).collect::<Result<Vec<_>, _>>();
-    let contact = element.child("contact")?;
+    let shapes = |name| element.children(name).map(geometry).collect::<Result<Vec<_>, _>>();
+    let contact = element.only("contact")?;
     let of_contact = |name, range| -> Result<Option<f64>, InputError> {
-        let stated = contact.as_ref().map(|it| it.child(name)).transpose()?.flatten();
-        stated.map(|it| it.number("value", range)).transpose()
+        let stated = contact.map(|it| it.only(name)).transpose()?.flatten();
+        stated.map(|it| it.number_of("value", range)).transpose()
     };
     let friction = of_contact("lateral_friction", quantity::FRICTION)?;
     let restitution = of_contact("restitution", quantity::FRACTION)?;
@@ -103,71 +84,82 @@ fn link(element: &Element) -> Result<Link, InputError> {
     Ok(Link { inertia, friction, restitution, unused: Vec::new(), collisions, visuals })
 }
 
-fn weighs_something(inertial: &Element) -> Result<bool, InputError> {
+fn weighs_something(inertial: Node) -> Result<bool, InputError> {
     // Frames without a body get the least mass that some simulator takes.
-    Ok(inertial.required("mass")?.number("value", NOT_NEGATIVE)? >= quantity::PART_MASS_KG.least)
+    Ok(inertial.required("mass")?.number_of("value", NOT_NEGATIVE)? >= quantity::PART_MASS_KG.least)
 }
 
-fn geometry(element: &Element) -> Result<Geometry, InputError> {
+fn geometry(element: Node) -> Result<Geometry, InputError> {
     let geometry = element.required("geometry")?;
-    let shape = if let Some(it) = geometry.child("box")? {
+    let shape = if let Some(it) = geometry.only("box")? {
         Shape::Cuboid(it.vector("size", EXTENT_M)?.into())
-    } else if let Some(it) = geometry.child("cylinder")? {
-        Shape::Cylinder { radius_m: it.number("radius", EXTENT_M)?, length_m: it.number("length", EXTENT_M)? }
-    } else if let Some(it) = geometry.child("capsule")? {
-        Shape::Capsule { radius_m: it.number("radius", EXTENT_M)?, length_m: it.number("length", EXTENT_M)? }
-    } else if let Some(it) = geometry.child("sphere")? {
-        Shape::Sphere(it.number("radius", EXTENT_M)?)
+    } else if let Some(it) = geometry.only("cylinder")? {
+        Shape::Cylinder { radius_m: it.number_of("radius", EXTENT_M)?, length_m: it.number_of("length", EXTENT_M)? }
+    } else if let Some(it) = geometry.only("capsule")? {
+        Shape::Capsule { radius_m: it.number_of("radius", EXTENT_M)?, length_m: it.number_of("length", EXTENT_M)? }
+    } else if let Some(it) = geometry.only("sphere")? {
+        Shape::Sphere(it.number_of("radius", EXTENT_M)?)
     } else {
-        let mesh = geometry.child("mesh")?.ok_or_else(|| {
-            geometry.fault("shape", "none that is known", "<box>, <cylinder>, <capsule>, <sphere> or <mesh>")
+        let mesh = geometry.only("mesh")?.ok_or_else(|| {
+            geometry.fault_of("shape", "none that is known", "<box>, <cylinder>, <capsule>, <sphere> or <mesh>")
         })?;
         let scale = if mesh.has("scale") { mesh.vector("scale", MESH_SCALE)?.into() } else { Vector3::repeat(1.0) };
-        Shape::Mesh { file: mesh.text("filename")?.to_owned(), scale }
+        Shape::Mesh { file: mesh.text_of("filename")?.to_owned(), scale }
     };
-    Ok(Geometry { X_LS: element.origin(OFFSET_M)?, shape })
+    Ok(Geometry { X_LS: urdf::origin(element, OFFSET_M)?, shape })
 }
 
-fn joint(element: &Element) -> Result<TreeJoint, InputError> {
-    let child = element.required("child")?.text("link")?;
-    let kind = element.text("type")?;
-    let limit = element.child("limit")?;
-    let number = |name| limit.as_ref().map_or(Ok(None), |it| it.optional(name, NOT_NEGATIVE));
+fn joint(element: Node) -> Result<TreeJoint, InputError> {
+    let child = element.required("child")?.text_of("link")?;
+    let kind = element.text_of("type")?;
+    let limit = element.only("limit")?;
+    let number = |name| optional(limit, name, NOT_NEGATIVE);
     let either = |one, other| Ok::<_, InputError>(number(one)?.or(number(other)?).filter(|it| *it > 0.0));
     // What may be commanded, and the speed of a gear before a spring, narrow what is stated beside them.
     let least = |one, other| {
         let stated = [number(one)?, number(other)?].into_iter().flatten().filter(|it| *it > 0.0);
         Ok::<_, InputError>(stated.reduce(f64::min))
     };
-    let dynamics = element.child("dynamics")?.filter(|it| it.has("damping"));
-    let mimic = element.child("mimic")?;
+    let mimic = element.only("mimic")?;
+    let [lower, upper] = range(element, kind, limit)?.map_or([None; 2], |it| it.map(Some));
     Ok(TreeJoint {
-        name: element.text("name")?.to_owned(),
+        name: element.text_of("name")?.to_owned(),
         kind: match kind {
             "fixed" => JointKind::Fixed,
             "revolute" | "continuous" => JointKind::Revolute,
             "prismatic" => JointKind::Prismatic,
             "floating" | "planar" => JointKind::Other,
             kind => {
-                return Err(element.fault("type", kind, "fixed, revolute, continuous, prismatic, floating or planar"));
+                return Err(element.fault_of(
+                    "type",
+                    kind,
+                    "fixed, revolute, continuous, prismatic, floating or planar",
+                ));
             }
         },
         child: child.to_owned(),
-        X_PL: element.origin(OFFSET_M)?,
-        axis: if kind == "fixed" { unused_axis(element)? } else { element.axis()? },
-        range: range(element, kind, limit.as_ref())?,
-        velocity: least("velocity", "gear_velocity")?,
-        acceleration: either("acceleration", "drake:acceleration")?,
-        jerk: either("jerk", "drake:jerk")?,
-        effort: least("effort", "command_effort")?,
-        damping: dynamics.map_or(Ok(0.0), |it| it.number("damping", NOT_NEGATIVE))?,
+        X_PL: urdf::origin(element, OFFSET_M)?,
+        axis: if kind == "fixed" { unused_axis(element)? } else { urdf::axis(element)? },
+        limits: StatedLimits {
+            lower,
+            upper,
+            velocity: least("velocity", "gear_velocity")?,
+            acceleration: either("acceleration", "drake:acceleration")?,
+            jerk: either("jerk", "drake:jerk")?,
+            effort: least("effort", "command_effort")?,
+        },
+        damping: optional(element.only("dynamics")?, "damping", NOT_NEGATIVE)?.unwrap_or(0.0),
         rotor_inertia: None,
-        mimics: mimic.map(|it| it.text("joint").map(str::to_owned)).transpose()?,
+        mimics: mimic.map(|it| it.text_of("joint").map(str::to_owned)).transpose()?,
     })
 }
 
-fn unused_axis(element: &Element) -> Result<Unit<Vector3<f64>>, InputError> {
-    if let Some(axis) = element.child("axis")? {
+fn optional(of: Option<Node>, name: &'static str, range: Quantity) -> Result<Option<f64>, InputError> {
+    of.filter(|it| it.has(name)).map(|it| it.number_of(name, range)).transpose()
+}
+
+fn unused_axis(element: Node) -> Result<Unit<Vector3<f64>>, InputError> {
+    if let Some(axis) = element.only("axis")? {
         axis.leave_out();
     }
     Ok(Vector3::x_axis())
@@ -175,11 +167,11 @@ fn unused_axis(element: &Element) -> Result<Unit<Vector3<f64>>, InputError> {
 
 /// The range that all bounds of a joint leave, whether or not there is anything between them; `None` if it
 /// states no bound.
-fn range(element: &Element, kind: &str, limit: Option<&Element>) -> Result<Option<[f64; 2]>, InputError> {
-    let number = |of: Option<&Element>, name| of.map_or(Ok(None), |it| it.optional(name, ANY_NUMBER));
+fn range(element: Node, kind: &str, limit: Option<Node>) -> Result<Option<[f64; 2]>, InputError> {
+    let number = |of, name| optional(of, name, quantity::FINITE);
     let hard = [number(limit, "lower")?, number(limit, "upper")?];
-    let safety = element.child("safety_controller")?;
-    let soft = [number(safety.as_ref(), "soft_lower_limit")?, number(safety.as_ref(), "soft_upper_limit")?];
+    let safety = element.only("safety_controller")?;
+    let soft = [number(safety, "soft_lower_limit")?, number(safety, "soft_upper_limit")?];
     // A bound that is left out is zero, as the format says; zero twice is what some files write for none.
     let pair = |bounds: [Option<f64>; 2]| bounds.map(|it| it.unwrap_or(0.0));
     let has_hard = limit.is_some() && (kind != "continuous" || pair(hard) != [0.0; 2]);
@@ -201,7 +193,8 @@ mod tests {
     }
 
     fn read_range(joint: &str) -> Option<[f64; 2]> {
-        Description::from_urdf("a.urdf", &arm(joint)).unwrap().joints["l"][0].range
+        let limits = Description::from_urdf("a.urdf", &arm(joint)).unwrap().joints["l"][0].limits;
+        limits.lower.zip(limits.upper).map(Into::into)
     }
 
     #[test]
@@ -224,7 +217,7 @@ mod tests {
             "type=\"revolute\"><limit command_effort=\"40\" current=\"10\" effort=\"80\" gear_velocity=\"10\" lower=\"-9\" upper=\"9\" velocity=\"15\"/>",
         );
         let joint = &Description::from_urdf("a.urdf", &text).unwrap().joints["l"][0];
-        assert_eq!((joint.effort, joint.velocity), (Some(40.0), Some(10.0)));
+        assert_eq!((joint.limits.effort, joint.limits.velocity), (Some(40.0), Some(10.0)));
     }
 
     /// Rotor inertias are read as Drake reads them, among what other programs say of a transmission.
@@ -242,7 +235,7 @@ mod tests {
         assert_eq!(of(rotor("value=\"4e-4\"").unwrap()), Some(4e-4 * 2500.0));
         assert_eq!(of(Description::from_urdf("a.urdf", &text).unwrap()), None);
         let fault = rotor("").unwrap_err().to_string();
-        assert!(fault.contains("transmission 1: actuator 1 drake:rotor_inertia value: found nothing"), "{fault}");
+        assert!(fault.contains("transmission t.actuator m.drake:rotor_inertia.value: found nothing"), "{fault}");
     }
 
     #[test]

@@ -1,9 +1,6 @@
 //! An object of which there are depth images, and a rig file with the cameras that took them.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use catch_body::{InputError, TriangleMesh, statistics::median_in_place};
 use catch_bot::perception::ReferenceModel;
@@ -12,13 +9,11 @@ use nalgebra::Point3;
 
 use super::scan;
 use catch_lab::png;
-use catch_recording::bounded_file::FileKind;
+use catch_recording::bounded_file::{FileKind, paths_in};
 
 /// The file that makes a folder of images a scan: poses in the frame R, whose origin is in or near the
 /// object.
 pub(super) const RIG: &str = "rig.toml";
-/// Files of a folder that are looked at.
-const MOST_FILES: usize = 10_000;
 /// A millimetre is what a depth of 1 means, unless the scale is given.
 const UNIT_M: f64 = 1e-3;
 /// Distance from the origin of R beyond which a point is behind the object.
@@ -214,9 +209,7 @@ fn smoothed(depths: &[u16], width: usize, unit_m: f64) -> Vec<f32> {
 
 /// The images of a folder, by their names; 2 comes before 10.
 fn images(folder: &Path) -> Result<Vec<PathBuf>, InputError> {
-    let unreadable = |it: std::io::Error| InputError::new(folder.display(), "the folder", it, "a readable folder");
-    let entries = fs::read_dir(folder).map_err(unreadable)?.take(MOST_FILES);
-    let mut images: Vec<PathBuf> = entries.filter_map(|it| it.ok().map(|it| it.path())).collect();
+    let mut images = paths_in(folder, "a readable folder")?;
     images.retain(|it| it.extension().is_some_and(|it| it.eq_ignore_ascii_case("png")));
     images.sort_by_cached_key(|it| (it.as_os_str().len(), it.clone()));
     Ok(images)

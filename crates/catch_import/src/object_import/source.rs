@@ -1,30 +1,27 @@
 //! Source of an imported object: the triangles of a mesh, or a link with all that its description says of it.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use crate::{
     capsule_fit::directions,
     cloud_file,
     description::{Description, Geometry, Link},
-    mesh_files::{MeshFiles, located},
-    mesh_paths::resolve,
+    mesh_files::MeshFiles,
     model_of_mujoco,
-    surface_file::{PlyFile, triangles_from_bytes},
+    surface_file::{self, MESH, PlyFile},
 };
 use catch_body::{InputError, TriangleMesh, document::root_element, quantity, robot::Inertia};
 use nalgebra::{Point3, Vector3};
 
-use super::{depth_images, gltf, hulls_m3, scan, unit_of};
-use catch_recording::{bounded_file::FileKind, whole_file::COMMAND_LINE};
+use super::{depth_images, hulls_m3, scan, unit_of};
+use catch_recording::{
+    bounded_file::{FileKind, paths_in},
+    whole_file::COMMAND_LINE,
+};
 
 /// Endings of the files of which a folder may have one, the most telling first.
 const ENDINGS: [&[&str]; 9] =
     [&["sdf"], &["urdf"], &["xml", "mjcf"], &["glb"], &["gltf"], &["obj"], &["ply"], &["stl", "dae"], &["pcd", "xyz"]];
-/// Files of a folder that are looked at.
-const MOST_FILES: usize = 10_000;
 /// Names of links that are told.
 const MOST_NAMES: usize = 20;
 /// Shapes of a link at most.
@@ -43,12 +40,6 @@ const STICKS_OUT: f64 = 0.05;
 const ENDS_OFF_M: f64 = 0.001;
 /// Number of directions in which this distance is measured.
 const DIRECTIONS: usize = 200;
-/// The most bytes of a mesh: some millions of triangles.
-const MESH: FileKind = FileKind {
-    expected: "a mesh: .obj, .stl, .ply, .dae, .gltf or .glb, or a cloud: .ply, .pcd or .xyz",
-    most_bytes: 64 << 20,
-};
-
 /// Source of an object, as it was found.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Source {
@@ -101,7 +92,7 @@ impl Source {
                 return Ok(Self { file, named, surface, findings, ..Self::default() });
             }
             drop(bytes);
-            let (groups, in_metres) = groups(&path)?;
+            let (groups, in_metres) = surface_file::read(&path)?;
             let surface = merged(groups);
             let findings = vec![format!("{file}: {} triangles", surface.triangles.len())];
             return Ok(Self { file, named, surface, in_metres, findings, ..Self::default() });
@@ -141,9 +132,8 @@ impl Source {
             let (field, expected) = (format!("link {name}"), format!("at most {MOST_SHAPES}"));
             return Err(InputError::new(&source.file, field, format!("{shapes} shapes"), expected));
         }
-        let read_mesh = |named: &str| groups(&located(path, named, MESH.expected)?).map(|(groups, _)| groups);
-        let mut meshes = MeshFiles::new(read_mesh);
-        let mut read = |shapes: &[Geometry]| meshes.placed(&source.file, shapes, |_, _| None);
+        let mut meshes = MeshFiles::new(path);
+        let mut read = |shapes: &[Geometry]| meshes.placed(shapes, |_, _| None);
         let ((visuals, mut faults), (collisions, others)) = (read(&link.visuals)?, read(&link.collisions)?);
         faults.extend(others);
         source.findings.extend(faults.iter().map(|it| format!("not read: {it}")));
@@ -227,15 +217,8 @@ fn ends_off_m(parts: &[TriangleMesh], solid: &TriangleMesh) -> f64 {
 
 /// The file of a folder that says most.
 fn within(folder: &Path) -> Result<PathBuf, InputError> {
-    let unreadable =
-        |fault: std::io::Error| InputError::new(folder.display(), "the folder", fault, "a readable folder");
-    let mut files: Vec<PathBuf> = fs::read_dir(folder)
-        .map_err(unreadable)?
-        .take(MOST_FILES)
-        .filter_map(|it| it.ok().map(|it| it.path()))
-        .filter(|it| it.is_file())
-        .collect();
-    files.sort();
+    let mut files = paths_in(folder, "a readable folder")?;
+    files.retain(|it| it.is_file());
     for endings in ENDINGS {
         let found: Vec<&PathBuf> = files.iter().filter(|it| endings.contains(&ending(it).as_str())).collect();
         match &found[..] {
@@ -282,25 +265,6 @@ fn is_cloud(path: &Path, bytes: &[u8]) -> bool {
         "pcd" | "xyz" => true,
         "ply" => PlyFile::from_bytes("", bytes).is_ok_and(|it| it.triangles.is_empty()),
         _ => false,
-    }
-}
-
-/// The groups of a mesh file, and whether they are in metres by its format.
-fn groups(path: &Path) -> Result<(Vec<TriangleMesh>, bool), InputError> {
-    let file = path.display().to_string();
-    let bytes = MESH.read(path)?;
-    match ending(path).as_str() {
-        "gltf" | "glb" => {
-            let folder = path.parent().unwrap_or(Path::new(""));
-            let load = |name: &str| match resolve(path, name) {
-                Some(found) => MESH.read(&found),
-                None => MESH.read(&folder.join(name)),
-            };
-            Ok((vec![gltf::read(&file, &bytes, &load)?], true))
-        }
-        "dae" => Ok((triangles_from_bytes(&file, &bytes)?, true)),
-        "obj" | "stl" | "ply" => Ok((triangles_from_bytes(&file, &bytes)?, false)),
-        other => Err(InputError::new(file, "extension", format!("`{other}`"), MESH.expected)),
     }
 }
 

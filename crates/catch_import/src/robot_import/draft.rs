@@ -2,11 +2,11 @@
 
 use std::{collections::BTreeMap, fmt::Write};
 
-use crate::description::{Body, Chain, ChainJoint, TreeJoint};
+use crate::description::{Body, Chain, ChainJoint, StatedLimits, TreeJoint};
 use catch_body::{InputError, Pose, TriangleMesh, input_error::steers_text, quantity, robot::Inertia, stated::Stated};
 use nalgebra::Matrix3;
 
-use super::{geometry::BodyShape, joint_limits::JointLimitFields};
+use super::geometry::BodyShape;
 
 /// Contents of a robot's files.
 #[derive(Debug, Clone)]
@@ -69,31 +69,21 @@ const ROTOR_INERTIA_KGM2: f64 = 0.1;
 /// Placeholder of a torque that is worked out when all else is known.
 const UNKNOWN_TORQUE_NM: f64 = 1e4;
 
-/// Values that were given when the robot was imported, for one joint.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct GivenValues {
-    /// Highest acceleration in rad/s².
-    pub acceleration: Option<f64>,
-    /// Rotor inertia in kg·m².
-    pub rotor_inertia: Option<f64>,
-    /// Highest jerk in rad/s³.
-    pub jerk: Option<f64>,
-}
-
 impl JointValues {
-    /// Combines the sources of a joint's values: those given by hand come first; of those that
-    /// `joint_limits.yaml` and the description state, the narrower; the rest is assumed.
+    /// Combines the sources of a joint's values: those given by hand come first, which are the highest
+    /// acceleration, the rotor inertia and the highest jerk; of those that `joint_limits.yaml` and the
+    /// description state, the narrower; the rest is assumed.
     ///
     /// # Errors
     /// A range that is none, or in other units; `file` is the description.
     pub fn of(
         file: &str,
         joint: &ChainJoint,
-        limits: &JointLimitFields,
-        given: &GivenValues,
+        limits: &StatedLimits,
+        given: [Option<f64>; 3],
     ) -> Result<Self, InputError> {
         let joint = &joint.joint;
-        let least = |one: Option<f64>, other: Option<f64>| [one, other].into_iter().flatten().reduce(f64::min);
+        let limits = limits.narrowed(&joint.limits);
         let by_hand = |value: Option<f64>, option: &str| {
             let reason = format!("given by {option} when the robot was imported");
             value.map(|value| Stated { value, assumed: Some(reason) })
@@ -101,46 +91,42 @@ impl JointValues {
         let published = |value: Option<f64>| value.map(|value| Stated { value, assumed: None });
         let assumed = |value: f64, reason: &str| Stated { value, assumed: Some(reason.to_owned()) };
 
-        let range = range_of(file, joint, limits)?;
-        let velocity = published(least(limits.velocity, joint.velocity))
+        let range = range_of(file, joint, &limits)?;
+        let velocity = published(limits.velocity)
             .unwrap_or_else(|| assumed(SPEED_RADPS, "the description has none: as arms of this kind have"));
-        let acceleration = by_hand(given.acceleration, "--max-acceleration")
-            .or(published(least(limits.acceleration, joint.acceleration)))
-            .unwrap_or_else(|| {
+        let [acceleration, rotor_inertia, jerk] = given;
+        let acceleration =
+            by_hand(acceleration, "--max-acceleration").or(published(limits.acceleration)).unwrap_or_else(|| {
                 let reason = format!(
                     "no file has one: full speed within {TO_FULL_SPEED_S} s, as published limits of other arms allow"
                 );
                 assumed(rounded(velocity.value / TO_FULL_SPEED_S), &reason)
             });
         let rotor_inertia =
-            by_hand(given.rotor_inertia, "--rotor-inertia").or(published(joint.rotor_inertia)).unwrap_or_else(|| {
+            by_hand(rotor_inertia, "--rotor-inertia").or(published(joint.rotor_inertia)).unwrap_or_else(|| {
                 assumed(ROTOR_INERTIA_KGM2, "no file has one: what models of such arms in MuJoCo Menagerie have")
             });
-        let torque =
-            published(least(limits.effort, joint.effort)).unwrap_or_else(|| assumed(UNKNOWN_TORQUE_NM, "unknown"));
-        let jerk = by_hand(given.jerk, "--max-jerk").or(published(least(limits.jerk, joint.jerk)));
+        let torque = published(limits.effort).unwrap_or_else(|| assumed(UNKNOWN_TORQUE_NM, "unknown"));
+        let jerk = by_hand(jerk, "--max-jerk").or(published(limits.jerk));
         Ok(Self { range, velocity, torque, acceleration, jerk, rotor_inertia })
     }
 }
 
-/// Range of a joint that is left by all bounds that anybody states; where there is none, a whole turn is
-/// assumed.
-fn range_of(file: &str, joint: &TreeJoint, limits: &JointLimitFields) -> Result<Stated<[f64; 2]>, InputError> {
+/// Range of a joint within the `limits` that are left of all that anybody states; where there is none, a
+/// whole turn is assumed.
+fn range_of(file: &str, joint: &TreeJoint, limits: &StatedLimits) -> Result<Stated<[f64; 2]>, InputError> {
     let field = || format!("joint {}: limit", joint.name);
-    let described = joint.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-    if let Some(other) = described.iter().find(|it| it.is_finite() && !quantity::JOINT_POSITION_RAD.contains(**it)) {
+    let mut described = [joint.limits.lower, joint.limits.upper].into_iter().flatten();
+    if let Some(other) = described.find(|it| !quantity::JOINT_POSITION_RAD.contains(*it)) {
         let expected = format!("{}, or type=\"continuous\" without bounds", quantity::JOINT_POSITION_RAD);
         return Err(InputError::new(file, field(), other, expected));
     }
-    let lower = described[0].max(limits.lower.unwrap_or(f64::NEG_INFINITY));
-    let upper = described[1].min(limits.upper.unwrap_or(f64::INFINITY));
-    let assumed = match (lower.is_finite(), upper.is_finite()) {
-        (true, true) => None,
-        (false, false) => Some("the joint turns without end, or states none: a whole turn either way"),
+    let assumed = match (limits.lower, limits.upper) {
+        (Some(_), Some(_)) => None,
+        (None, None) => Some("the joint turns without end, or states none: a whole turn either way"),
         _ => Some("one end is stated: a whole turn at the other"),
     };
-    let or = |stated: f64, endless: f64| if stated.is_finite() { stated } else { endless };
-    let value = [or(lower, -ENDLESS_RAD), or(upper, ENDLESS_RAD)];
+    let value = [limits.lower.unwrap_or(-ENDLESS_RAD), limits.upper.unwrap_or(ENDLESS_RAD)];
     if value[0] < value[1] {
         return Ok(Stated { value, assumed: assumed.map(str::to_owned) });
     }
@@ -397,7 +383,7 @@ pub fn assumed_inertia(shape: &BodyShape, mass_kg: Option<f64>) -> Inertia {
 }
 
 /// Limits by joint names; none where the file does not name the joint.
-pub fn limits_of(limits: &BTreeMap<String, JointLimitFields>, name: &str) -> JointLimitFields {
+pub fn limits_of(limits: &BTreeMap<String, StatedLimits>, name: &str) -> StatedLimits {
     // Names of joints get prefixes where several robots share a cell.
     let by_end = || limits.iter().filter(|(key, _)| is_joint(key, name)).max_by_key(|(key, _)| key.len());
     limits.get(name).copied().or_else(|| by_end().map(|(_, it)| *it)).unwrap_or_default()
@@ -414,10 +400,12 @@ mod tests {
     use proptest::prelude::*;
 
     fn range(described: Option<[f64; 2]>, lower: Option<f64>, upper: Option<f64>) -> Result<[f64; 2], String> {
-        let joint = TreeJoint { range: described, ..TreeJoint::fixed("j".into(), "l") };
+        let [low, high] = described.map_or([None; 2], |it| it.map(Some));
+        let limits = StatedLimits { lower: low, upper: high, ..Default::default() };
+        let joint = TreeJoint { limits, ..TreeJoint::fixed("j".into(), "l") };
         let joint = ChainJoint { joint, body: Body::default() };
-        let limits = JointLimitFields { lower, upper, ..Default::default() };
-        let values = JointValues::of("a.urdf", &joint, &limits, &GivenValues::default());
+        let limits = StatedLimits { lower, upper, ..Default::default() };
+        let values = JointValues::of("a.urdf", &joint, &limits, [None; 3]);
         values.map(|it| it.range.value).map_err(|it| it.to_string())
     }
 
@@ -457,15 +445,12 @@ mod tests {
 
     #[test]
     fn the_slowest_and_the_weakest_count() {
-        let joint = TreeJoint {
-            velocity: Some(3.0),
-            effort: Some(50.0),
-            acceleration: Some(4.0),
-            ..TreeJoint::fixed("j".into(), "l")
-        };
+        let described =
+            StatedLimits { velocity: Some(3.0), effort: Some(50.0), acceleration: Some(4.0), ..Default::default() };
+        let joint = TreeJoint { limits: described, ..TreeJoint::fixed("j".into(), "l") };
         let joint = ChainJoint { joint, body: Body::default() };
-        let limits = JointLimitFields { velocity: Some(2.0), effort: Some(80.0), ..Default::default() };
-        let values = JointValues::of("a.urdf", &joint, &limits, &GivenValues::default()).unwrap();
+        let limits = StatedLimits { velocity: Some(2.0), effort: Some(80.0), ..Default::default() };
+        let values = JointValues::of("a.urdf", &joint, &limits, [None; 3]).unwrap();
         assert_eq!((values.velocity.value, values.torque.value, values.acceleration.value), (2.0, 50.0, 4.0));
     }
 }

@@ -5,16 +5,12 @@ use std::{collections::BTreeSet, path::Path};
 use crate::{
     capsule_fit,
     description::{Body, Geometry, Shape},
-    surface_file::surface_from_bytes,
+    mesh_files::MeshFiles,
 };
 use catch_body::{InputError, TriangleMesh, shape::Capsule};
 use nalgebra::{Point3, Vector3};
 
-use super::{
-    super::mesh_files::{MeshFiles, located},
-    visual_mesh::seen_from_outside,
-};
-use catch_recording::bounded_file::FileKind;
+use super::visual_mesh::{joined, seen_from_outside};
 
 /// Shapes of one body at most.
 const MOST_SHAPES: usize = 200;
@@ -53,8 +49,8 @@ impl BodyShape {
                 return Err(InputError::new(&file, field, found, format!("at most {MOST_SHAPES}")));
             }
             let mut all = TriangleMesh::default();
-            let (surfaces, faults) = meshes.placed(&file, shapes, too_large)?;
-            surfaces.iter().for_each(|it| all.merge(it));
+            let (surfaces, faults) = meshes.placed(shapes, too_large)?;
+            surfaces.iter().for_each(|it| all.merge(&joined(it)));
             let is_whole = faults.is_empty();
             shape.unread.extend(faults);
             Ok((all, is_whole))
@@ -116,14 +112,6 @@ fn rounded_outwards(capsule: &Capsule) -> Capsule {
     let (from, to) = (round(&capsule.from), round(&capsule.to));
     let moved = (from - capsule.from).norm().max((to - capsule.to).norm());
     Capsule { from, to, radius: ((capsule.radius + moved) * STEPS_PER_M).ceil() / STEPS_PER_M }
-}
-
-/// The surface of the mesh that a description names.
-pub fn read_mesh(file: &Path, named: &str) -> Result<Vec<TriangleMesh>, InputError> {
-    let expected = "a mesh of the description: STL, OBJ or COLLADA (.dae)";
-    let path = located(file, named, expected)?;
-    let bytes = FileKind::geometry(expected).read(&path)?;
-    Ok(vec![surface_from_bytes(&path.display().to_string(), &bytes)?])
 }
 
 /// The fault of a surface that is larger than a part of an arm.

@@ -13,42 +13,10 @@ use catch_body::{
     quantity::Quantity,
 };
 
-use crate::yaml;
-
-/// Limits of a joint; `None` where the file has none.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct JointLimitFields {
-    /// Lowest position.
-    pub lower: Option<f64>,
-    /// Highest position.
-    pub upper: Option<f64>,
-    /// Highest speed.
-    pub velocity: Option<f64>,
-    /// Highest acceleration.
-    pub acceleration: Option<f64>,
-    /// Highest jerk.
-    pub jerk: Option<f64>,
-    /// Highest torque.
-    pub effort: Option<f64>,
-}
-
-impl JointLimitFields {
-    /// The narrower of each limit.
-    fn narrowed(&self, other: &Self) -> Self {
-        Self {
-            lower: narrowed(self.lower, other.lower, f64::max),
-            upper: narrowed(self.upper, other.upper, f64::min),
-            velocity: narrowed(self.velocity, other.velocity, f64::min),
-            acceleration: narrowed(self.acceleration, other.acceleration, f64::min),
-            jerk: narrowed(self.jerk, other.jerk, f64::min),
-            effort: narrowed(self.effort, other.effort, f64::min),
-        }
-    }
-}
-
-fn narrowed(one: Option<f64>, other: Option<f64>, pick: fn(f64, f64) -> f64) -> Option<f64> {
-    [one, other].into_iter().flatten().reduce(pick)
-}
+use crate::{
+    description::{StatedLimits, narrower},
+    yaml,
+};
 
 /// Names that do not concern a joint's limits.
 const HARMLESS: Harmless =
@@ -58,7 +26,7 @@ const HARMLESS: Harmless =
 ///
 /// # Errors
 /// A line that is no YAML, a number that is none or out of its range, a key that is not known.
-pub fn read(file: &str, text: &str) -> Result<BTreeMap<String, JointLimitFields>, InputError> {
+pub fn read(file: &str, text: &str) -> Result<BTreeMap<String, StatedLimits>, InputError> {
     let document = yaml::document(file, text)?;
     let mut all = BTreeMap::new();
     let mut waiting = vec![document.root()];
@@ -66,7 +34,7 @@ pub fn read(file: &str, text: &str) -> Result<BTreeMap<String, JointLimitFields>
         for limits in node.children("joint_limits") {
             for joint in yaml::table(limits)?.elements() {
                 let limits = of_joint(yaml::table(joint.read())?)?;
-                let known: &mut JointLimitFields = all.entry(joint.name().to_owned()).or_default();
+                let known: &mut StatedLimits = all.entry(joint.name().to_owned()).or_default();
                 *known = known.narrowed(&limits);
             }
         }
@@ -74,7 +42,7 @@ pub fn read(file: &str, text: &str) -> Result<BTreeMap<String, JointLimitFields>
         waiting.extend(
             node.elements()
                 .filter(|it| it.name() != "joint_limits" && !it.is_list())
-                .filter(|it| holds_limits(*it))
+                .filter(|it| it.descendants().any(|it| it.name() == "joint_limits"))
                 .map(Node::read),
         );
     }
@@ -82,11 +50,7 @@ pub fn read(file: &str, text: &str) -> Result<BTreeMap<String, JointLimitFields>
     Ok(all)
 }
 
-fn holds_limits(node: Node) -> bool {
-    node.descendants().any(|it| it.name() == "joint_limits")
-}
-
-fn of_joint(joint: Node) -> Result<JointLimitFields, InputError> {
+fn of_joint(joint: Node) -> Result<StatedLimits, InputError> {
     let value = |key| joint.child(key).filter(|it| !it.is_null());
     let has = |key| value(key).map_or(Ok(true), yaml::boolean);
     let number = |has: bool, key, range: Quantity| {
@@ -114,17 +78,17 @@ fn of_joint(joint: Node) -> Result<JointLimitFields, InputError> {
         number(has("has_acceleration_limits")?, "max_acceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
     let deceleration =
         number(has("has_deceleration_limits")?, "max_deceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
-    let (lower, upper) = (narrowed(lower, soft[0], f64::max), narrowed(upper, soft[1], f64::min));
+    let (lower, upper) = (narrower(lower, soft[0], f64::max), narrower(upper, soft[1], f64::min));
     if let (Some(lower), Some(upper)) = (lower, upper)
         && lower >= upper
     {
         return Err(joint.fault(format!("positions from {lower} to {upper}"), "the lowest below the highest"));
     }
-    Ok(JointLimitFields {
+    Ok(StatedLimits {
         lower,
         upper,
         velocity: number(has("has_velocity_limits")?, "max_velocity", quantity::JOINT_VELOCITY_RADPS)?,
-        acceleration: narrowed(acceleration, deceleration, f64::min),
+        acceleration: narrower(acceleration, deceleration, f64::min),
         jerk: number(has("has_jerk_limits")?, "max_jerk", quantity::JOINT_JERK_RADPS3)?,
         effort: number(has("has_effort_limits")?, "max_effort", quantity::TORQUE_NM)?,
     })
@@ -141,7 +105,7 @@ mod tests {
             max_acceleration: 7\n  'joint_2':\n    max_acceleration: !degrees 180.0\n    max_effort: 40\n    \
             min_position: -1.5\n    max_jerk: 5e2\n";
         let limits = read("joint_limits.yaml", text).unwrap();
-        let first = JointLimitFields { velocity: Some(2.5), ..Default::default() };
+        let first = StatedLimits { velocity: Some(2.5), ..Default::default() };
         assert_eq!(limits["joint_1"], first);
         let second = limits["joint_2"];
         assert!((second.acceleration.unwrap() - std::f64::consts::PI).abs() < 1e-12);
@@ -184,16 +148,16 @@ mod tests {
         let text = "/**:\n  ros__parameters:\n    robot_description_planning:\n      joint_limits:\n        a: {has_velocity_limits: true, max_velocity: 2.0}\n        \
             b:\n          max_velocity: null\n          max_position: 1\n          max_acceleration: ~\n        c: {max_acceleration: 4, max_deceleration: 3}\n";
         let limits = read("joint_limits.yaml", text).unwrap();
-        assert_eq!(limits["a"], JointLimitFields { velocity: Some(2.0), ..Default::default() });
-        assert_eq!(limits["b"], JointLimitFields { upper: Some(1.0), ..Default::default() });
-        assert_eq!(limits["c"], JointLimitFields { acceleration: Some(3.0), ..Default::default() });
+        assert_eq!(limits["a"], StatedLimits { velocity: Some(2.0), ..Default::default() });
+        assert_eq!(limits["b"], StatedLimits { upper: Some(1.0), ..Default::default() });
+        assert_eq!(limits["c"], StatedLimits { acceleration: Some(3.0), ..Default::default() });
     }
 
     #[test]
     fn of_two_blocks_the_narrower_counts_and_truth_has_many_words() {
         let text = "joint_limits:\n  a: {has_velocity_limits: 1, max_velocity: 2, min_position: -1}\nplanning:\n  \
             joint_limits:\n    a: {has_velocity_limits: Y, max_velocity: 3, has_jerk_limits: OFF, max_jerk: 9, min_position: -2}\n";
-        let expected = JointLimitFields { lower: Some(-1.0), velocity: Some(2.0), ..Default::default() };
+        let expected = StatedLimits { lower: Some(-1.0), velocity: Some(2.0), ..Default::default() };
         assert_eq!(read("joint_limits.yaml", text).unwrap()["a"], expected);
     }
 }

@@ -5,18 +5,19 @@ use std::collections::HashSet;
 use catch_body::{TriangleMesh, mesh_file::welded, ray_cast::RayCaster, visual::MOST_VISUAL_TRIANGLES};
 use nalgebra::{Point3, Vector3};
 
+use crate::capsule_fit::directions;
+
 /// A mesh with more triangles is simplified before any ray is cast.
 const MOST_BEFORE: usize = 40_000;
 /// Rays begin so far before a triangle, in metres.
 const BEFORE_M: f64 = 1e-5;
-/// The golden ratio, of which the corners of an icosahedron are made.
-const GOLDEN: f64 = 1.618_033_988_749_895;
+/// Directions all around in which a triangle may be seen.
+const RAYS: usize = 32;
 
 /// The part of a surface that can be seen from outside, each triangle facing there, in at most
 /// [`MOST_VISUAL_TRIANGLES`]; with the edge in metres of the cells in which vertices became one.
 pub(super) fn seen_from_outside(surface: &TriangleMesh) -> (TriangleMesh, f64) {
-    let vertices: Vec<[f64; 3]> = surface.vertices.iter().map(|it| it.coords.into()).collect();
-    let mut mesh = welded(&vertices, &surface.triangles, 1.0);
+    let mut mesh = joined(surface);
     let mut known = HashSet::new();
     mesh.triangles.retain(|triangle| {
         let mut corners = *triangle;
@@ -25,7 +26,7 @@ pub(super) fn seen_from_outside(surface: &TriangleMesh) -> (TriangleMesh, f64) {
     });
     let (mesh, before_m) = mesh.simplified(MOST_BEFORE).unwrap_or((mesh, 0.0));
     let caster = RayCaster::new(&mesh);
-    let rays = directions();
+    let rays: Vec<Vector3<f64>> = directions(RAYS).collect();
     let mut outer = TriangleMesh { vertices: caster.mesh.vertices.clone(), triangles: Vec::new() };
     for ([a, b, c], triangle) in caster.mesh.all_corners().zip(&caster.mesh.triangles) {
         let Some(normal) = (b - a).cross(&(c - a)).try_normalize(0.0) else { continue };
@@ -48,15 +49,10 @@ pub(super) fn seen_from_outside(surface: &TriangleMesh) -> (TriangleMesh, f64) {
     (outer, before_m.max(after_m))
 }
 
-/// Directions all around: corners of an icosahedron and of its dual, tilted.
-fn directions() -> Vec<Vector3<f64>> {
-    let signs = || [-1.0, 1.0].into_iter().flat_map(|one| [-1.0, 1.0].map(|other| (one, other)));
-    let cyclic = |v: Vector3<f64>| [v, Vector3::new(v.y, v.z, v.x), Vector3::new(v.z, v.x, v.y)];
-    let corners = signs().flat_map(|(one, other)| cyclic(Vector3::new(0.0, one, other * GOLDEN)));
-    let dual = signs().flat_map(|(one, other)| cyclic(Vector3::new(0.0, one / GOLDEN, other * GOLDEN)));
-    let cube = signs().flat_map(|(one, other)| [-1.0, 1.0].map(|third| Vector3::new(one, other, third)));
-    let tilt = nalgebra::Rotation3::from_euler_angles(0.1, 0.2, 0.3);
-    corners.chain(dual).chain(cube).map(|it| tilt * it.normalize()).collect()
+/// The surface with one vertex at each place.
+pub(super) fn joined(surface: &TriangleMesh) -> TriangleMesh {
+    let vertices: Vec<[f64; 3]> = surface.vertices.iter().map(|it| it.coords.into()).collect();
+    welded(&vertices, &surface.triangles, 1.0)
 }
 
 #[cfg(test)]

@@ -110,7 +110,7 @@ impl PlyFile {
 }
 
 /// The triangles of a strip, all facing one way.
-pub(crate) fn strip(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
+pub(super) fn strip(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
     corners.windows(3).enumerate().map(|(i, it)| if i % 2 == 0 { [it[0], it[1], it[2]] } else { [it[1], it[0], it[2]] })
 }
 

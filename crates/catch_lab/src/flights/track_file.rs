@@ -1,14 +1,11 @@
 //! Recorded tracks of flying things: CSV files of `t,x,y,z` or `t,x,y,z,qx,qy,qz,qw`, in seconds and metres.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use catch_body::{InputError, document::Document};
 use nalgebra::{Point3, Quaternion, UnitQuaternion};
 
-use catch_recording::bounded_file::FileKind;
+use catch_recording::bounded_file::{FileKind, paths_in};
 
 /// Measurement of an object's pose at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,13 +26,9 @@ const MOST_TRACKS: usize = 10_000;
 /// # Errors
 /// A folder that cannot be read, or one with fewer than `least` of them.
 pub fn in_folder(folder: &Path, least: usize) -> Result<Vec<PathBuf>, InputError> {
-    let shown = folder.display().to_string();
-    let entries = fs::read_dir(folder)
-        .map_err(|fault| InputError::new(&shown, "the folder", fault, "a folder of CSV files, a throw each"))?;
-    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    let mut paths = paths_in(folder, "a folder of CSV files, a throw each")?;
     paths.retain(|path| path.extension().is_some_and(|it| it.eq_ignore_ascii_case("csv")));
-    paths.sort();
-    let fault = |expected: String| Err(InputError::new(&shown, "CSV files", paths.len(), expected));
+    let fault = |expected: String| Err(InputError::new(folder.display(), "CSV files", paths.len(), expected));
     match paths.len() {
         count if count < least => return fault(format!("{least} or more, a throw each")),
         count if count > MOST_TRACKS => return fault(format!("at most {MOST_TRACKS}, a throw each")),
@@ -138,15 +131,9 @@ impl Columns {
 
     /// The columns that a header names: each is one that is read, under a name that others give it.
     fn of_header(file: &str, line: usize, header: &[&str]) -> Result<Self, InputError> {
-        let lower: Vec<String> =
-            header.iter().map(|it| it.to_lowercase().trim_matches(['"', '\'']).to_owned()).collect();
-        let names: Vec<&str> = lower.iter().map(String::as_str).collect();
-        let document = Document::from_columns(file, line, &names)?;
-        let root = document.root();
-        let find = |names: &[&'static str]| names.iter().filter_map(|name| root.child(name)).next();
-        let place = |names| find(names).map(|it| it.text().parse().unwrap_or_default());
-        let found: Option<Vec<usize>> = PLACES.iter().map(|it| place(it)).collect();
-        let turned: Vec<Option<usize>> = ROTATION.iter().map(|it| place(it)).collect();
+        let document = Document::from_columns(file, line, header)?;
+        let found: Option<Vec<usize>> = PLACES.iter().map(|it| document.column(it)).collect();
+        let turned: Vec<Option<usize>> = ROTATION.iter().map(|it| document.column(it)).collect();
         document.finish(&[]).map_err(|fault| InputError { expected: EXPECTED.to_owned(), ..fault })?;
         let wrong = || InputError::new(file, format!("line {line}"), format!("columns {}", header.join(",")), EXPECTED);
         let mut columns = found.ok_or_else(wrong)?;

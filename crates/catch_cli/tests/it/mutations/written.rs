@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use catch_body::{InputError, Robot, robot_file::RobotFiles};
 use catch_bot::trajectory_optimization::reach_map::{ReachMap, ReachSamples};
-use catch_cell::{RigCalibration, calibrated_rig_from_toml, rig_from_toml, rig_to_toml};
+use catch_cell::{RigCalibration, rig_from_toml, rig_to_toml};
 use catch_lab::{
     evaluation::{Cell, Evaluation, results::Results},
     flights::{flight_prior::FlightPrior, track_file},
@@ -33,10 +33,7 @@ pub fn loads() -> Vec<(String, Load<'static>)> {
         ("evaluation".into(), of_identity),
         ("learned flight".into(), file("f.toml", learned, |file| FlightPrior::read(file).map(drop))),
         ("wall times".into(), file("a.times.json", times.to_string(), times_of)),
-        (
-            "calibrated rig".into(),
-            Box::new(move |it| calibrated_rig_from_toml("r.toml", &text(it.text(&rig))?).map(drop)),
-        ),
+        ("calibrated rig".into(), Box::new(move |it| rig_from_toml("r.toml", &text(it.text(&rig))?).map(drop))),
         ("track with orientations".into(), track()),
         ("reach map".into(), reach_map()),
     ]

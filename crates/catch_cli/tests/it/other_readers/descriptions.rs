@@ -186,8 +186,9 @@ fn numbers(text: &str) -> Vec<f64> {
                 _ => Pose::identity(),
             };
             if joint.kind != JointKind::Fixed {
-                let [lower, upper] = joint.range.unwrap_or_default();
-                let stated = [lower, upper, joint.velocity.unwrap(), joint.effort.unwrap()];
+                let its = &joint.limits;
+                let [lower, upper] = [its.lower, its.upper].map(Option::unwrap_or_default);
+                let stated = [lower, upper, its.velocity.unwrap(), its.effort.unwrap()];
                 limits.iter_mut().zip(stated).for_each(|(sum, it)| *sum += number(&joint.name) * it);
             }
             let X_WP = X_WL;

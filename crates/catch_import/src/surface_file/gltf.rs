@@ -19,8 +19,11 @@ use catch_body::{
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
 use percent_encoding::percent_decode_str;
 
-use super::gltf_accessor::{Buffers, index, rows};
-use crate::{json, surface_file::strip};
+use super::{
+    gltf_accessor::{Buffers, index, rows},
+    ply::strip,
+};
+use crate::json;
 
 /// Nodes may be nested this deep.
 const DEEPEST: usize = 64;
@@ -289,23 +292,15 @@ impl<'a> Reader<'a> {
         if let Some(missing) = corners.iter().find(|it| **it as usize >= places.len() / 3) {
             return Err(primitive.fault(format!("vertex {missing} of {}", places.len() / 3), "a vertex that is there"));
         }
-        let (mut numbers, mut vertices) = (HashMap::new(), Vec::new());
-        let corners: Vec<u32> = corners
-            .into_iter()
-            .map(|it| {
-                *numbers.entry(it).or_insert_with(|| {
-                    let at = 3 * it as usize;
-                    vertices.push(Point3::new(places[at], places[at + 1], places[at + 2]));
-                    vertices.len() as u32 - 1
-                })
-            })
-            .collect();
         let triangles = match mode {
             4 => corners.as_chunks::<3>().0.to_vec(),
             5 => strip(&corners).collect(),
             _ => corners.windows(2).skip(1).map(|it| [corners[0], it[0], it[1]]).collect(),
         };
-        Ok(TriangleMesh { vertices, triangles })
+        let vertices = places.as_chunks().0.iter().map(|it| <[f64; 3]>::into(*it)).collect();
+        let mut mesh = TriangleMesh { vertices, triangles };
+        mesh.drop_unused_vertices();
+        Ok(mesh)
     }
 
     /// Marks what the scene does not show as not used.
