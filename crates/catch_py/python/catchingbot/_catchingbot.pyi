@@ -504,7 +504,6 @@ def predict(
     p: ArrayLike,
     q: ArrayLike | None = None,
     up: str = "z",
-    drag: ArrayLike | None = None,
 ) -> Flight: ...
 def recorded_setup(file: _Named) -> Setup: ...
 def register(
