@@ -5,7 +5,7 @@ use std::fs;
 use catch_body::InputError;
 use catch_lab::{
     evaluation::{
-        BrainFactory, Cell, Evaluation, Row,
+        Cell, Evaluation, Row,
         trial_table::{self, Column, Kind},
     },
     parallel,
@@ -61,12 +61,12 @@ pub fn evaluate<'py>(py: Python<'py>, setup: &Setup, asked: Asked) -> PyResult<B
     let done = py.detach(|| {
         // Clones keep what has been prepared.
         setup.prepare();
-        let brain = match brain {
-            Some(maker) => python_brain::factory(maker, setup.robot.dof()),
-            None if predictor.is_some() || planner.is_some() => python_stages::factory(predictor, planner),
-            None => BrainFactory::default(),
-        };
-        let cell = Cell::with_brain(setup.clone(), brain);
+        let mut cell = Cell::new(setup.clone());
+        if let Some(maker) = brain {
+            cell.brain = python_brain::factory(maker, setup.robot.dof());
+        } else if predictor.is_some() || planner.is_some() {
+            cell.brain = python_stages::factory(predictor, planner);
+        }
         let evaluation = Evaluation { cells: vec![cell], seed, first, trials };
         let threads = threads.map_or_else(parallel::threads, |it| it as usize);
         evaluation.run(0, threads, &mut |row, _| {
