@@ -3,6 +3,8 @@
 
 #![expect(clippy::print_stdout, reason = "examples speak to whoever runs them")]
 
+use std::sync::Arc;
+
 use catch_body::dynamics::gravity;
 use catch_bot::{
     CatchingBot,
@@ -45,16 +47,17 @@ impl FlightPredictor for Parabola {
 }
 
 fn main() -> anyhow::Result<()> {
-    let own = BrainFactory::new(|setup, _, _| {
+    let own: BrainFactory = Arc::new(|setup, _, _| {
         let known = setup.known().clone();
         let (estimator, planner) = (Box::new(known.pose_estimator()), Box::new(known.catch_planner()));
         Box::new(CatchingBot::with_stages(known, estimator, Box::new(Parabola), planner))
     });
     println!("{:14} {:14} caught", "throw", "prediction");
     for throw in ["near_sampled", "far_sampled"] {
-        for (name, brain) in [("ours", BrainFactory::default()), ("parabola", own.clone())] {
-            let setup = Setup::load(&Choice { throw: Some(throw), ..Choice::default() })?;
-            let evaluation = Evaluation { cells: vec![Cell::with_brain(setup, brain)], seed: 1, first: 0, trials: 5 };
+        let setup = Setup::load(&Choice { throw: Some(throw), ..Choice::default() })?;
+        let ours = Cell::new(setup.clone());
+        for (name, cell) in [("ours", ours), ("parabola", Cell { setup, brain: own.clone() })] {
+            let evaluation = Evaluation { cells: vec![cell], seed: 1, first: 0, trials: 5 };
             let mut caught = 0;
             evaluation.run(0, 2, &mut |row, _| {
                 caught += u32::from(row.verdict.caught);

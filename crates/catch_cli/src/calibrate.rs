@@ -26,30 +26,32 @@ use catch_recording::{
 use catch_view::pages::calibration_page::{self, CameraSection};
 use clap::Args;
 use serde::Serialize;
+use serde_json::json;
 
 use self::places::Places;
-use super::{ChoiceArguments, MOST, OutputArguments, between, whole};
+use super::{ChoiceArguments, MOST, between, whole};
 use crate::screen::{self, BAD, GOOD};
 
 /// Images of each camera on the page.
 const PAGE_IMAGES: usize = 2;
 
-/// Arguments of `calibrate`.
+/// Calibrates the poses of the cameras from their images of the arm
+///
+/// The arm rests in poses that determine the cameras' poses best, and moves from one to the next. Each
+/// camera finds its pose, the scale of its depths and the time between its clock and the arm's, from
+/// its images of the arm. The rig that is written replaces the initial one:
+///
+///   catchingbot calibrate --scenario honest --rig d435_2 --out calibrated \
+///       --set camera=d435 --set arena.depth.model=near_stereo --set arena.depth.calibration_sd_m=0.03
+///   catchingbot --set flight_rig=calibrated/rig.toml
+///
+/// With --flights an object is thrown afterwards, the arm resting. Several cameras see one free flight,
+/// which tells how they stand to each other, and gravity where the vertical is.
+///
+/// In the arena the cameras stand off by arena.depth.calibration_sd_m and calibration_sd_rad, and the story
+/// tells what is left of that. With --camera-info and --hand-eye the first guess comes from files of ROS.
 #[derive(Debug, Args)]
-#[command(after_help = "\
-The arm rests in poses that determine the cameras' poses best, and moves from one to the next. Each
-camera finds its pose, the scale of its depths and the time between its clock and the arm's, from
-its images of the arm. The rig that is written replaces the initial one:
-
-  catchingbot calibrate --scenario honest --rig d435_2 --out calibrated \\
-      --set camera=d435 --set arena.depth.model=near_stereo --set arena.depth.calibration_sd_m=0.03
-  catchingbot --set flight_rig=calibrated/rig.toml
-
-With --flights an object is thrown afterwards, the arm resting. Several cameras see one free flight,
-which tells how they stand to each other, and gravity where the vertical is.
-
-In the arena the cameras stand off by arena.depth.calibration_sd_m and calibration_sd_rad, and the story
-tells what is left of that. With --camera-info and --hand-eye the first guess comes from files of ROS.")]
+#[command(verbatim_doc_comment)]
 pub struct CalibrateArguments {
     #[command(flatten)]
     choice: ChoiceArguments,
@@ -82,39 +84,9 @@ pub struct CalibrateArguments {
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
     seed: u64,
-    #[command(flatten)]
-    output: OutputArguments,
-}
-
-#[derive(Serialize)]
-struct Document<'a> {
-    scenario: &'a str,
-    seed: u64,
-    rig: PathBuf,
-    page: PathBuf,
-    poses: usize,
-    robot_time_s: f64,
-    limit_violations: usize,
-    flights: Option<FlightsDocument>,
-    cameras: Vec<CameraDocument>,
-    joint_zero_rad: Vec<f64>,
-    link_offset_m: Vec<f64>,
-}
-
-/// Result of the flights.
-#[derive(Serialize)]
-struct FlightsDocument {
-    status: FlightStatus,
-    /// Flights that counted, and their sightings.
-    flights: usize,
-    sightings: usize,
-    outlier_fraction: f64,
-    variance_factor: f64,
-    /// Rotation about x and y of W from its z to the vertical.
-    tilt_deg: [f64; 2],
-    tilt_sd_deg: [f64; 2],
-    /// Root mean square of the cameras' changes, in standard deviations of the calibration before.
-    change_sd: f64,
+    /// Folder for what is written
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
 }
 
 /// Result of a camera.
@@ -145,10 +117,9 @@ pub struct CameraDocument {
 ///
 /// # Errors
 /// Faults of the choice or the files, or of writing.
-pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
-    let OutputArguments { out, json } = &arguments.output;
+pub fn run(arguments: &CalibrateArguments, json: bool) -> anyhow::Result<()> {
     let setup = setup(arguments)?;
-    let places = Places::of(out, setup.cameras.len());
+    let places = Places::of(&arguments.out, setup.cameras.len());
     check_new(places.all(), "--out")?;
     let config = Config {
         poses: arguments.poses as usize,
@@ -166,27 +137,41 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     let flights = calibration::observe_flights(&setup, &found, &setup.cameras, arguments.flights as usize, scene);
     let refinement = refine(&found, &flights);
     bar.finish_and_clear();
-    let flights = (arguments.flights > 0).then(|| flights_document(&refinement));
-    let found = refinement.calibration;
+    let found = &refinement.calibration;
     let calibrated = calibrated_cameras(&setup.cameras, &found.cameras);
     let cameras = camera_documents(&found.cameras, &calibrated, &calibration::true_cameras(&setup, arguments.seed, 0));
-    let mut files = places.files(arguments, &setup, &found, &calibrated);
+    let mut files = places.files(arguments, &setup, found, &calibrated);
     files.push((places.page.clone(), page_text(&setup, &session, &calibrated, &cameras).into_bytes()));
     write_new(&files, "--out")?;
-    let document = Document {
-        scenario: &setup.scenario.name,
-        seed: arguments.seed,
-        rig: places.rig,
-        page: places.page,
-        poses: session.poses.len(),
-        robot_time_s: session.robot_time_s,
-        limit_violations: session.limit_violations,
-        flights,
-        cameras,
-        joint_zero_rad: found.joint_zero_rad,
-        link_offset_m: found.link_offset_m,
+    let refined = (arguments.flights > 0).then_some(&refinement);
+    if !json {
+        return Ok(tell(&session, refined, &cameras, &places)?);
+    }
+    let flights = |it: &Refinement| {
+        json!({
+            "status": it.status,
+            "flights": it.flights,
+            "sightings": it.sightings,
+            "outlier_fraction": it.outlier_fraction,
+            "variance_factor": it.variance_factor,
+            "tilt_deg": it.tilt_rad.map(f64::to_degrees),
+            "tilt_sd_deg": it.tilt_sd_rad.map(f64::to_degrees),
+            "change_sd": it.change_sd,
+        })
     };
-    if *json { screen::document(&document) } else { Ok(tell(&document)?) }
+    screen::document(&json!({
+        "scenario": setup.scenario.name,
+        "seed": arguments.seed,
+        "rig": places.rig.to_string_lossy(),
+        "page": places.page.to_string_lossy(),
+        "poses": session.poses.len(),
+        "robot_time_s": session.robot_time_s,
+        "limit_violations": session.limit_violations,
+        "flights": refined.map(flights),
+        "cameras": cameras,
+        "joint_zero_rad": found.joint_zero_rad,
+        "link_offset_m": found.link_offset_m,
+    }))
 }
 
 /// The cameras as they are calibrated before anything is thrown, where the scenario wants that. It tells that
@@ -257,19 +242,6 @@ fn toml_text(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-fn flights_document(found: &Refinement) -> FlightsDocument {
-    FlightsDocument {
-        status: found.status,
-        flights: found.flights,
-        sightings: found.sightings,
-        outlier_fraction: found.outlier_fraction,
-        variance_factor: found.variance_factor,
-        tilt_deg: found.tilt_rad.map(f64::to_degrees),
-        tilt_sd_deg: found.tilt_sd_rad.map(f64::to_degrees),
-        change_sd: found.change_sd,
-    }
-}
-
 /// Describes the result of each camera: as `found`, as `calibrated`, and the `truth`.
 fn camera_documents(
     found: &[CameraCalibration],
@@ -323,19 +295,26 @@ fn uncertainty(it: &CameraDocument) -> String {
     }
 }
 
-fn tell(document: &Document<'_>) -> io::Result<()> {
-    let Document { poses, robot_time_s, limit_violations, .. } = document;
+fn tell(
+    session: &ArenaSession,
+    refined: Option<&Refinement>,
+    cameras: &[CameraDocument],
+    places: &Places,
+) -> io::Result<()> {
+    let ArenaSession { poses, robot_time_s, limit_violations, .. } = session;
+    let poses = poses.len();
     screen::line(&format!("{poses} poses in {robot_time_s:.1} s, {limit_violations} commands that broke a limit"))?;
-    if let Some(it) = &document.flights {
-        let FlightsDocument { status, flights, sightings, outlier_fraction, .. } = it;
+    if let Some(it) = refined {
+        let Refinement { status, flights, sightings, outlier_fraction, .. } = it;
         let colour = if *status == FlightStatus::Refined { GOOD } else { BAD };
         let outliers = format!("{:.1} % of them outliers", outlier_fraction * 1e2);
         let status = name_of(status);
         screen::line(&format!("{flights} flights, {sightings} sightings, {outliers}: {colour}{status}{colour:#}"))?;
-        let of_axis = |i: usize| format!("{:+.3} ± {:.3}°", it.tilt_deg[i], it.tilt_sd_deg[i]);
+        let of_axis =
+            |i: usize| format!("{:+.3} ± {:.3}°", it.tilt_rad[i].to_degrees(), it.tilt_sd_rad[i].to_degrees());
         screen::fact("tilt", &format!("{} about x, {} about y", of_axis(0), of_axis(1)))?;
     }
-    for (i, it) in document.cameras.iter().enumerate() {
+    for (i, it) in cameras.iter().enumerate() {
         let colour = if it.status == CalibrationStatus::Converged { GOOD } else { BAD };
         screen::line(&format!("  camera {i}: {colour}{}{colour:#}, {}", name_of(it.status), uncertainty(it)))?;
         let time = it
@@ -347,5 +326,5 @@ fn tell(document: &Document<'_>) -> io::Result<()> {
             format!("{:.2} mm and {:.4}°, as the arena knows", it.position_error_m * 1e3, it.rotation_error_deg);
         screen::fact("error", &error)?;
     }
-    screen::line(&format!("{}  {}", document.rig.display(), document.page.display()))
+    screen::line(&format!("{}  {}", places.rig.display(), places.page.display()))
 }

@@ -11,24 +11,20 @@ use catch_cell::LimitViolation;
 use catch_lab::{
     evaluation::summary_table,
     recording::recorded_throw::{RecordedThrow, record},
-    referee::{Measures, Verdict, reason::Reason},
-    scenario::{
-        Scenario,
-        setup::{Scene, Setup},
-    },
-    trial::stopwatch::{StageTimes, Stopwatch},
+    referee::{Verdict, reason::Reason},
+    scenario::setup::{Scene, Setup},
+    trial::stopwatch::Stopwatch,
 };
 use catch_recording::{
     MOST_UNPACKED_BYTES,
     timeline::{Entry, Event},
     whole_file::make_writable,
 };
-use catch_sim::ThrowConditions;
 use catch_view::playback::Playback;
 use clap::Args;
-use serde::Serialize;
+use serde_json::json;
 
-use super::{OutputArguments, ThrowArguments, view};
+use super::{ThrowArguments, view};
 use crate::{
     calibrate,
     screen::{self, BAD, FAINT, GOOD, STRONG},
@@ -40,8 +36,9 @@ use crate::{
 pub struct CatchArguments {
     #[command(flatten)]
     thrown: ThrowArguments,
-    #[command(flatten)]
-    output: OutputArguments,
+    /// Folder for what is written
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
     /// Open the page in a browser
     #[arg(long, conflicts_with = "json")]
     open: bool,
@@ -52,50 +49,27 @@ pub struct CatchArguments {
     files: view::FileArguments,
 }
 
-/// The JSON document.
-#[derive(Serialize)]
-struct Document<'a> {
-    caught: bool,
-    caught_paper: bool,
-    reason: Option<Reason>,
-    limit_violations: usize,
-    motion_excursions: usize,
-    scene: &'a Scene,
-    conditions: &'a Option<ThrowConditions>,
-    catch_time_s: Option<f64>,
-    contact_s: Option<f64>,
-    measures: &'a Measures,
-    timeline: &'a [Entry],
-    stages: BTreeMap<&'static str, StageTimes>,
-    recording: &'a Path,
-    /// Time of the first image that was left out of the recording.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    images_until_s: Option<f64>,
-    pictures: &'a BTreeMap<&'static str, PathBuf>,
-    scenario: &'a Scenario,
-}
-
 /// One throw: its story, the outcome, a recording.
 ///
 /// # Errors
 /// Faults in the arguments and files; a folder that cannot be written.
-pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
-    let CatchArguments { thrown: thrown @ ThrowArguments { seed, index, .. }, output, open, watch, files } = arguments;
+pub fn run(arguments: &CatchArguments, json: bool) -> anyhow::Result<()> {
+    let CatchArguments { thrown: thrown @ ThrowArguments { seed, index, .. }, out, open, watch, files } = arguments;
     let setup = thrown.setup()?;
     let scene = setup.scene(*seed, *index);
     // What cannot be written is reported before anything is thrown.
     files.check()?;
-    make_writable(&output.out, "--out")?;
+    make_writable(out, "--out")?;
 
     let watch = Watch::start(*watch, &format!("Scenario {}", scene.scenario), Some(1))?;
-    let aloud = !output.json;
+    let aloud = !json;
     if aloud {
         title(&setup, &scene)?;
     }
     calibrate::before_throws(&setup, *seed, aloud)?;
     let RecordedThrow { recording, timeline, verdict, conditions, stopwatch, images_until_s } =
-        record(&setup, *seed, *index, &output.out, &mut |entry| if aloud { tell(entry) } else { Ok(()) })
-            .with_context(|| format!("the recording in {}", output.out.display()))?;
+        record(&setup, *seed, *index, out, &mut |entry| if aloud { tell(entry) } else { Ok(()) })
+            .with_context(|| format!("the recording in {}", out.display()))?;
     let playback = Playback::read(&recording)?;
     let mut written = files.write(&recording, &playback)?;
     let page = view::write_page(&recording, &playback)?;
@@ -118,24 +92,28 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
         screen::line("")?;
         return if *open { view::show(&page) } else { tell_how_to_open(&page) };
     }
-    screen::document(&Document {
-        caught: verdict.caught,
-        caught_paper: verdict.caught_paper,
-        reason: verdict.reason,
-        limit_violations: verdict.limit_violations,
-        motion_excursions: verdict.motion_excursions,
-        scene: &scene,
-        conditions: &conditions,
-        catch_time_s: verdict.catch_time_s,
-        contact_s: verdict.contact_s,
-        measures: &verdict.measures,
-        timeline: &timeline,
-        stages: stopwatch.summary().into_iter().collect(),
-        recording: &recording,
-        images_until_s,
-        pictures: &written,
-        scenario: &setup.scenario,
-    })
+    let pictures: BTreeMap<_, _> = written.iter().map(|(kind, path)| (kind, path.to_string_lossy())).collect();
+    let mut document = json!({
+        "caught": verdict.caught,
+        "caught_paper": verdict.caught_paper,
+        "reason": verdict.reason,
+        "limit_violations": verdict.limit_violations,
+        "motion_excursions": verdict.motion_excursions,
+        "scene": scene,
+        "conditions": conditions,
+        "catch_time_s": verdict.catch_time_s,
+        "contact_s": verdict.contact_s,
+        "measures": verdict.measures,
+        "timeline": timeline,
+        "stages": BTreeMap::from_iter(stopwatch.summary()),
+        "recording": recording.to_string_lossy(),
+        "pictures": pictures,
+        "scenario": setup.scenario,
+    });
+    if let Some(until_s) = images_until_s {
+        document["images_until_s"] = until_s.into();
+    }
+    screen::document(&document)
 }
 
 /// Prints the command that opens the page.

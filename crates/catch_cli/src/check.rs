@@ -1,15 +1,12 @@
 //! `catchingbot check`: are these files right?
 
-use std::{
-    fmt,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use catch_body::InputError;
 use catch_import::check::{Checked, check};
 use catch_recording::bounded_file::FileKind;
 use clap::Args;
-use serde::Serialize;
+use serde_json::json;
 
 use crate::{
     drive,
@@ -24,37 +21,6 @@ pub struct CheckArguments {
     /// its robot.toml or the folder that holds it
     #[arg(value_name = "NAME|FILE", required = true)]
     files: Vec<PathBuf>,
-    /// Print one JSON document
-    #[arg(long)]
-    json: bool,
-}
-
-/// Some file is not right; what is wrong has been printed.
-#[derive(Debug)]
-pub struct Faulty(pub Failure);
-
-impl fmt::Display for Faulty {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0.error)
-    }
-}
-
-impl std::error::Error for Faulty {}
-
-#[derive(Serialize)]
-struct Document<'a> {
-    #[serde(flatten)]
-    failure: Option<&'a Failure>,
-    files: Vec<FileDocument<'a>>,
-}
-
-/// Result of the check of a file.
-#[derive(Serialize)]
-struct FileDocument<'a> {
-    file: &'a Path,
-    kind: Option<&'a str>,
-    faults: &'a [InputError],
-    notes: &'a [String],
 }
 
 /// Checks a file of whatever kind, and names the kind. A cell's is known by its table `[arm]`.
@@ -77,20 +43,19 @@ fn checked(file: &Path) -> (Option<String>, Checked) {
 ///
 /// # Errors
 /// If there are any.
-pub fn run(arguments: &CheckArguments) -> anyhow::Result<()> {
+pub fn run(arguments: &CheckArguments, json: bool) -> anyhow::Result<()> {
     let checked: Vec<_> = arguments.files.iter().map(|file| (file, checked(file))).collect();
     let faults: Vec<InputError> = checked.iter().flat_map(|(_, (_, it))| it.faults.clone()).collect();
     let error = format!("{} {} found", faults.len(), if faults.len() == 1 { "fault" } else { "faults" });
     let failure = (!faults.is_empty()).then(|| Failure::of_faults(error, faults));
-    if arguments.json {
-        let files = checked.iter().map(|(file, (kind, Checked { faults, notes, .. }))| FileDocument {
-            file,
-            kind: kind.as_deref(),
-            faults,
-            notes,
+    if json {
+        let files = checked.iter().map(|(file, (kind, it))| {
+            json!({ "file": file.to_string_lossy(), "kind": kind, "faults": it.faults, "notes": it.notes })
         });
-        let files = files.collect();
-        screen::document(&Document { failure: failure.as_ref(), files })?;
+        // The first key makes an object of nothing.
+        let mut document = json!(failure);
+        document["files"] = files.collect();
+        screen::document(&document)?;
     } else {
         for (file, (kind, Checked { faults, notes, .. })) in &checked {
             let kind = kind.as_deref().unwrap_or("file");
@@ -106,5 +71,5 @@ pub fn run(arguments: &CheckArguments) -> anyhow::Result<()> {
             }
         }
     }
-    failure.map_or(Ok(()), |failure| Err(Faulty(failure).into()))
+    failure.map_or(Ok(()), |failure| Err(failure.into()))
 }

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use catch_lab::{
-    evaluation::comparison::{Comparison, Counts, Pair},
+    evaluation::comparison::{Comparison, Counts},
     parallel,
 };
 use catch_recording::whole_file::{self, make_writable};
 use catch_view::pages::compare_page;
-use serde::Serialize;
+use serde_json::json;
 
 use crate::screen;
 
@@ -16,24 +16,6 @@ use crate::screen;
 pub const FOLDER: &str = "out/compared";
 /// Name of the page.
 const PAGE: &str = "compared.html";
-
-/// The JSON document.
-#[derive(Serialize)]
-struct Document<'a> {
-    a: &'a Path,
-    b: &'a Path,
-    seed: u64,
-    cells: Vec<Cell>,
-    pairs: &'a [Pair],
-    page: &'a Path,
-}
-
-#[derive(Serialize)]
-struct Cell {
-    name: String,
-    #[serde(flatten)]
-    counts: Counts,
-}
 
 /// Compares two folders of results; returns the page, in `folder`.
 ///
@@ -49,9 +31,19 @@ pub fn run(folders: [&PathBuf; 2], folder: &Path, json: bool) -> anyhow::Result<
     whole_file::write(&page, compare_page::page(&comparison, names, &pages))?;
     let cells = comparison.counts();
     if json {
-        let cells = cells.into_iter().map(|(name, counts)| Cell { name, counts }).collect();
-        let (seed, pairs) = (comparison.identities[0].seed, &comparison.pairs[..]);
-        screen::document(&Document { a: folders[0], b: folders[1], seed, cells, pairs, page: &page })?;
+        let cell = |(name, counts): &(String, Counts)| {
+            let mut cell = json!(counts);
+            cell["name"] = json!(name);
+            cell
+        };
+        screen::document(&json!({
+            "a": folders[0].to_string_lossy(),
+            "b": folders[1].to_string_lossy(),
+            "seed": comparison.identities[0].seed,
+            "cells": cells.iter().map(cell).collect::<Vec<_>>(),
+            "pairs": comparison.pairs,
+            "page": page.to_string_lossy(),
+        }))?;
         return Ok(page);
     }
     let (only_a, only_b) = (format!("only\n{}", names[0]), format!("only\n{}", names[1]));

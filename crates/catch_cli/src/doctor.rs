@@ -16,7 +16,8 @@ use catch_lab::{
 };
 use catch_sim::depth_noise::{DepthModel, StereoNoise};
 use clap::Args;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
+use serde_json::{Value, json};
 
 use crate::{
     drive::{self, DriveArguments},
@@ -38,28 +39,6 @@ pub struct DoctorArguments {
     /// Throws of each prediction
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = whole(1, 10_000))]
     trials: u64,
-    /// Print one JSON document; what the driver says goes to standard error
-    #[arg(long)]
-    json: bool,
-}
-
-#[derive(Serialize)]
-struct Document<'a> {
-    /// All that the driver found.
-    findings: serde_json::Value,
-    predictions: Vec<Prediction>,
-    /// Reason why there is none.
-    no_prediction: Option<&'a str>,
-}
-
-/// What the arena catches with the findings.
-#[derive(Serialize)]
-struct Prediction {
-    speed_scaling: f64,
-    caught: usize,
-    trials: u64,
-    /// Interval of 95 % (Wilson) of the catch rate.
-    rate_95: [f64; 2],
 }
 
 /// The part of a driver's findings that the arena can have, too.
@@ -91,7 +70,7 @@ struct Noise {
 ///
 /// # Errors
 /// A fault in the cell's file; a driver that is missing, fails, or leaves no findings.
-pub fn run(DoctorArguments { cell, out, trials, json }: &DoctorArguments) -> anyhow::Result<()> {
+pub fn run(DoctorArguments { cell, out, trials }: &DoctorArguments, json: bool) -> anyhow::Result<()> {
     let (links, _) = drive::setup(cell, &[])?;
     drive::program(cell, &links)?;
     let file = out.join(FINDINGS);
@@ -99,8 +78,8 @@ pub fn run(DoctorArguments { cell, out, trials, json }: &DoctorArguments) -> any
         fs::remove_file(&file).with_context(|| file.display().to_string())?;
     }
     let (cell, out) = (cell.clone(), out.clone());
-    let driving = DriveArguments { cell, out, dry_run: false, watch: false, json: *json };
-    drive::start("doctor", &driving)?;
+    let driving = DriveArguments { cell, out, dry_run: false, watch: false };
+    drive::start("doctor", &driving, json)?;
     let text = fs::read_to_string(&file).with_context(|| format!("the findings of the driver: {}", file.display()))?;
     let found: Findings = serde_json::from_str(&text).with_context(|| file.display().to_string())?;
     let no_prediction = match found.acceleration_ratio {
@@ -114,16 +93,22 @@ pub fn run(DoctorArguments { cell, out, trials, json }: &DoctorArguments) -> any
     for speed_scaling in speeds.into_iter().filter(|_| no_prediction.is_none()) {
         let ratio = found.acceleration_ratio.unwrap_or(1.0);
         let caught = predicted(&driving.cell, &found, [speed_scaling, ratio], *trials)?;
-        let rate_95 = wilson95(caught, *trials as usize);
-        predictions.push(Prediction { speed_scaling, caught, trials: *trials, rate_95 });
+        predictions.push((speed_scaling, caught, wilson95(caught, *trials as usize)));
     }
-    if *json {
-        return screen::document(&Document { findings: serde_json::from_str(&text)?, predictions, no_prediction });
+    if json {
+        let predictions = predictions.iter().map(|(speed_scaling, caught, rate_95)| {
+            json!({ "speed_scaling": speed_scaling, "caught": caught, "trials": trials, "rate_95": rate_95 })
+        });
+        return screen::document(&json!({
+            "findings": serde_json::from_str::<Value>(&text)?,
+            "predictions": predictions.collect::<Value>(),
+            "no_prediction": no_prediction,
+        }));
     }
     if let Some(reason) = no_prediction {
         screen::line(&format!("no prediction: {reason}"))?;
     }
-    for Prediction { speed_scaling, caught, trials, rate_95 } in predictions {
+    for (speed_scaling, caught, rate_95) in predictions {
         let [low, high] = rate_95.map(|it| it * 100.0);
         screen::line(&format!(
             "with these figures and speed_scaling = {speed_scaling} the arena catches {caught} of {trials} throws ({low:.0} to {high:.0} %)"
@@ -148,7 +133,7 @@ fn predicted(
     }
     setup.scenario.arena.depth.model = noise(&plain, found);
     let evaluation = Evaluation { cells: vec![Cell::new(setup)], seed: 1, first: 0, trials };
-    let bar = screen::progress_bar(evaluation.len(), "throws");
+    let bar = screen::progress_bar(evaluation.total(), "throws");
     let mut caught = 0;
     evaluation.run(0, parallel::threads(), &mut |row, _| {
         caught += usize::from(row.verdict.caught);

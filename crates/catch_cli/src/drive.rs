@@ -21,7 +21,7 @@ use catch_recording::{
     whole_file::{COMMAND_LINE, make_writable},
 };
 use clap::Args;
-use serde::Serialize;
+use serde_json::json;
 
 use crate::{
     screen,
@@ -46,26 +46,20 @@ pub struct DriveArguments {
     /// Folder for the recordings
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
-    /// Print one JSON document; what the driver says goes to standard error
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Serialize)]
-struct Document<'a> {
-    cell: &'a Path,
-    dry_run: bool,
-    recordings: Vec<PathBuf>,
 }
 
 /// Lets the driver catch.
 ///
 /// # Errors
 /// A fault in the cell's file; a driver that is missing or fails.
-pub fn run(arguments: &DriveArguments) -> anyhow::Result<()> {
-    let recordings = start("drive", arguments)?;
-    let DriveArguments { cell, dry_run, json, .. } = arguments;
-    if *json { screen::document(&Document { cell, dry_run: *dry_run, recordings }) } else { Ok(()) }
+pub fn run(arguments: &DriveArguments, json: bool) -> anyhow::Result<()> {
+    let recordings = start("drive", arguments, json)?;
+    if !json {
+        return Ok(());
+    }
+    let recordings: Vec<_> = recordings.iter().map(|it| it.to_string_lossy()).collect();
+    let cell = arguments.cell.to_string_lossy();
+    screen::document(&json!({ "cell": cell, "dry_run": arguments.dry_run, "recordings": recordings }))
 }
 
 /// The program of a cell's driver: beside this one, on the PATH, or the path that the cell's file has.
@@ -125,7 +119,7 @@ pub fn setup(path: &Path, more: &[String]) -> Result<(CellFile, Setup), InputErr
 ///
 /// # Errors
 /// As [`run`].
-pub fn start(command: &str, arguments: &DriveArguments) -> anyhow::Result<Vec<PathBuf>> {
+pub fn start(command: &str, arguments: &DriveArguments, json: bool) -> anyhow::Result<Vec<PathBuf>> {
     let DriveArguments { cell: path, dry_run, out, .. } = arguments;
     let (links, setup) = setup(path, &[])?;
     let program = program(path, &links)?;
@@ -137,7 +131,7 @@ pub fn start(command: &str, arguments: &DriveArguments) -> anyhow::Result<Vec<Pa
     task.write(&job).with_context(|| job.display().to_string())?;
     let mut driving = process::Command::new(&program);
     driving.arg(command).arg(&job);
-    let (status, recordings) = to_end(&mut driving, arguments).with_context(|| program.display().to_string())?;
+    let (status, recordings) = to_end(&mut driving, arguments, json).with_context(|| program.display().to_string())?;
     match status.code() {
         Some(0) => Ok(recordings),
         // It has said which field is wrong.
@@ -153,6 +147,7 @@ pub fn start(command: &str, arguments: &DriveArguments) -> anyhow::Result<Vec<Pa
 fn to_end(
     driving: &mut process::Command,
     arguments: &DriveArguments,
+    json: bool,
 ) -> io::Result<(process::ExitStatus, Vec<PathBuf>)> {
     let mut driver = driving.stdout(process::Stdio::piped()).spawn()?;
     let title = if arguments.dry_run { "Dry run" } else { "Drive" };
@@ -166,7 +161,7 @@ fn to_end(
                 watch.thrown(recording.display().to_string(), None, move || watch::recorded(&recording));
             }
         }
-        if arguments.json { screen::note(&line) } else { screen::line(&line)? }
+        if json { screen::note(&line) } else { screen::line(&line)? }
     }
     let status = driver.wait()?;
     if let Some(watch) = watch {

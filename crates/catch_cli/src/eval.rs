@@ -21,7 +21,7 @@ use catch_lab::{
         trial_table::PARQUET_FILE,
     },
     parallel,
-    scenario::{Scenario, setup::Setup},
+    scenario::setup::Setup,
     trial::stopwatch::{StageTimes, Stopwatch},
 };
 use catch_recording::whole_file::{self, COMMAND_LINE};
@@ -29,11 +29,12 @@ use catch_view::pages::report_page::{self, MOST_MISSES, Report};
 use clap::Args;
 use comfy_table::Table;
 use serde::Serialize;
+use serde_json::json;
 
 use super::{ChoiceArguments, MOST, each_or_default, whole};
 use crate::{
-    calibrate::{self, CameraDocument},
-    place_cameras::RigDocument,
+    calibrate,
+    place_cameras::rig_document,
     screen::{self, FAINT, STRONG},
     watch::{self, Watch},
 };
@@ -73,40 +74,6 @@ pub struct EvalArguments {
     /// Go on with the results that are in the folder
     #[arg(long)]
     resume: bool,
-    /// Print one JSON document instead of the table
-    #[arg(long)]
-    json: bool,
-}
-
-/// The JSON document.
-#[derive(Serialize)]
-struct Document<'a> {
-    scenario: &'a str,
-    /// The scenario as it was resolved; objects and throws are those of the cells.
-    resolved: &'a Scenario,
-    seed: u64,
-    first: u64,
-    cells: Vec<DocumentCell<'a>>,
-    trials: usize,
-    caught: usize,
-    results: &'a Path,
-    /// Calibration of the cameras before the first throw, where the scenario has one.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    calibration: Vec<CameraDocument>,
-    /// What the calibrated cameras know of the throws of the first cell.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    rig: Option<RigDocument>,
-    wall_s: f64,
-    stages: BTreeMap<&'static str, StageTimes>,
-}
-
-/// A cell of the table, and what was published.
-#[derive(Serialize)]
-struct DocumentCell<'a> {
-    #[serde(flatten)]
-    summary: &'a CellSummary,
-    /// The paper's Table I.
-    published: Option<f64>,
 }
 
 /// Wall times, which stand beside the results.
@@ -131,23 +98,21 @@ pub fn tell_how_to_resume(out: &Path) {
 ///
 /// # Errors
 /// Faults in the arguments and files; results that cannot be written.
-pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
+pub fn run(arguments: &EvalArguments, json: bool) -> anyhow::Result<()> {
     let folder = &*arguments.out;
     tell_how_to_resume(folder);
     let started = Instant::now();
     let evaluation = evaluation(arguments)?;
-    let is_told = !arguments.json;
     let setup = &evaluation.cells[0].setup;
-    let calibration = calibrate::before_throws(setup, arguments.seed, is_told)?;
+    let calibration = calibrate::before_throws(setup, arguments.seed, !json)?;
     let is_calibrated = setup.scenario.calibration.is_some();
     let score = is_calibrated.then(|| camera_placement::score_of(setup, &setup.used_cameras(arguments.seed)));
     let score = score.transpose()?;
-    if let Some(score) = score.as_ref().filter(|_| is_told) {
+    if let Some(score) = score.as_ref().filter(|_| !json) {
         screen::fact("cameras", &score.summary(setup))?;
     }
-    let rig = score.map(|it| RigDocument::of(&setup.scenario.flight_rig, &it));
     let threads = arguments.threads.map_or_else(parallel::threads, |it| it as usize);
-    let watch = Watch::start(arguments.watch, &format!("Scenario {}", setup.scenario.name), Some(evaluation.len()))?;
+    let watch = Watch::start(arguments.watch, &format!("Scenario {}", setup.scenario.name), Some(evaluation.total()))?;
     let done = complete(&evaluation, folder, (arguments.resume, threads), watch.as_ref())?;
     if let Some(watch) = watch {
         watch.end();
@@ -169,25 +134,32 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         whole_file::write(&times_file, serde_json::to_string_pretty(&text)? + "\n")?;
         write_report(&evaluation, &done, (MOST_MISSES, threads), folder)?;
     }
-    if !arguments.json {
+    if !json {
         return Ok(print(&cells, &times, stopwatch, folder)?);
     }
     let published = published_rates();
-    let cell = |summary| DocumentCell { summary, published: published_rate(&published, summary) };
-    screen::document(&Document {
-        scenario: &identity.cells[0].name,
-        resolved: &identity.cells[0],
-        seed: identity.seed,
-        first: identity.first,
-        cells: cells.iter().map(cell).collect(),
-        trials: rows.len(),
-        caught: rows.iter().filter(|row| row.verdict.caught).count(),
-        results: folder,
-        calibration,
-        rig,
-        wall_s,
-        stages: times.stages,
-    })
+    let cell = |summary: &CellSummary| {
+        let mut cell = json!(summary);
+        cell["published"] = json!(published_rate(&published, summary));
+        cell
+    };
+    let mut document = json!({
+        "scenario": identity.cells[0].name,
+        "resolved": identity.cells[0],
+        "seed": identity.seed,
+        "first": identity.first,
+        "cells": cells.iter().map(cell).collect::<Vec<_>>(),
+        "trials": rows.len(),
+        "caught": rows.iter().filter(|row| row.verdict.caught).count(),
+        "results": folder.to_string_lossy(),
+        "wall_s": wall_s,
+        "stages": times.stages,
+    });
+    if let Some(score) = score {
+        document["calibration"] = json!(calibration);
+        document["rig"] = rig_document(&setup.scenario.flight_rig, &score);
+    }
+    screen::document(&document)
 }
 
 /// An evaluation whose trials are all there.
@@ -216,7 +188,7 @@ pub fn complete(
     for cell in &evaluation.cells {
         calibrate::cameras(&cell.setup, evaluation.seed);
     }
-    let bar = screen::progress_bar(evaluation.len(), "trials");
+    let bar = screen::progress_bar(evaluation.total(), "trials");
     bar.set_position(done_before as u64);
     bar.reset_eta();
     let setups: Vec<Arc<Setup>> =
@@ -312,7 +284,7 @@ fn print(cells: &[CellSummary], times: &Times, stopwatch: &Stopwatch, folder: &P
 }
 
 /// The table for the terminal.
-fn table(cells: &[CellSummary]) -> Table {
+pub fn table(cells: &[CellSummary]) -> Table {
     // Long headings and lists of reasons take several lines, so that the table fits into a terminal.
     let headings = summary_table::HEADINGS.map(|heading| match heading.split_once(' ') {
         Some((first, words)) if heading.len() > 8 => format!("{first}\n{words}"),

@@ -18,22 +18,18 @@ pub struct ExportArguments {
     /// just released, all with their nominal values
     #[arg(long, value_name = "DIR")]
     mjcf: PathBuf,
-    /// Print one JSON document
-    #[arg(long)]
-    json: bool,
 }
 
-/// The JSON document.
 /// Writes the scene of a throw.
 ///
 /// # Errors
 /// A fault of the input; a folder that cannot be written.
-pub fn run(arguments: &ExportArguments) -> anyhow::Result<()> {
-    let ExportArguments { thrown: thrown @ ThrowArguments { seed, index, .. }, mjcf, json } = arguments;
+pub fn run(arguments: &ExportArguments, json: bool) -> anyhow::Result<()> {
+    let ExportArguments { thrown: thrown @ ThrowArguments { seed, index, .. }, mjcf } = arguments;
     let setup = thrown.setup()?;
     let file = mjcf.join("scene.xml");
     whole_file::write_new(&[(file.clone(), mjcf::scene(&setup, *seed, *index).into_bytes())], "--mjcf")?;
-    if *json {
+    if json {
         return screen::document(&BTreeMap::from([("mjcf", &file)]));
     }
     Ok(screen::fact("scene", &format!("throw {index} of seed {seed}, in {}", file.display()))?)

@@ -14,10 +14,11 @@ use serde::Serialize;
 use crate::screen;
 
 /// Failure of a command. A command that has more to report has these fields in its own document.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, thiserror::Error)]
+#[error("{error}")]
 pub struct Failure {
     /// The message that is on standard error, too.
-    pub error: String,
+    error: String,
     /// The program's exit code: 2 for wrong input, 1 for anything else.
     exit_code: u8,
     /// Faults of the input; empty where there are none.
@@ -58,13 +59,15 @@ impl Failure {
         let error = text.trim_start_matches("error: ").trim_end().to_owned();
         let value = texts(InvalidValue).into_iter().find(|it| !it.is_empty());
         let prior = texts(PriorArg);
+        let commands = || command.get_subcommands().map(|it| it.get_name().to_owned());
         let told = |argument: &String| {
             let (found, expected) = match fault.kind() {
                 ErrorKind::UnknownArgument | ErrorKind::InvalidSubcommand => {
-                    let options = command.get_arguments().filter_map(|it| it.get_long()).map(|it| format!("--{it}"));
-                    let commands = command.get_subcommands().map(|it| it.get_name().to_owned());
-                    ("an unknown argument".to_owned(), one_of(options.chain(commands)))
+                    let own = command.get_arguments().filter(|it| !it.is_global_set()).filter_map(|it| it.get_long());
+                    let options = own.chain(["json"]).map(|it| format!("--{it}"));
+                    ("an unknown argument".to_owned(), one_of(options.chain(commands())))
                 }
+                ErrorKind::MissingSubcommand => ("nothing".to_owned(), one_of(commands())),
                 ErrorKind::ArgumentConflict if prior.contains(argument) => {
                     ("it twice".to_owned(), "it once".to_owned())
                 }
@@ -86,7 +89,8 @@ impl Failure {
             InputError::new(COMMAND_LINE, name(argument), found, expected)
         };
         let mut arguments = [texts(InvalidArg), texts(InvalidSubcommand)].concat();
-        if arguments.is_empty() {
+        if arguments.is_empty() || fault.kind() == ErrorKind::MissingSubcommand {
+            arguments.clear();
             arguments.push("COMMAND".to_owned());
         }
         let faults: Vec<InputError> = arguments.iter().map(told).collect();

@@ -1,44 +1,42 @@
 //! `catchingbot learn`: what recorded throws teach about an object's flights.
 
-use std::{
-    fmt::Write,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use catch_body::InputError;
-use catch_lab::{
-    evaluation::summary_table::plain,
-    flights::{
-        flight_learning::{self, Lessons},
-        flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw, with_all},
-        flight_prior::FlightPrior,
-    },
+use catch_lab::flights::{
+    flight_learning::{self, Lessons},
+    flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw, with_all},
+    flight_prior::FlightPrior,
 };
 use catch_recording::whole_file;
 use clap::Args;
+use comfy_table::Table;
+use nalgebra::{Unit, Vector3};
 use serde::Serialize;
+use serde_json::json;
 
-use super::predict::Up;
+use super::predict::up;
 use crate::{screen, whole};
 
-/// Arguments of `learn`.
+/// Learns a prior on an object's flights from recorded throws, for `predict`
+///
+/// Each folder holds the throws of one object, a CSV file each, as for `predict`. With more than one
+/// folder a prior for any object is learned, and tested on each object with one learned from the others.
+/// Tables say how far predicted ends were off and how many lay in the ellipsoids that were claimed, for
+/// throws that were not learned from.
+///
+/// Examples:
+///   catchingbot learn --tracks throws/gourd --up y --out gourd.toml
+///   catchingbot predict --track new.csv --up y --object gourd.toml
 #[derive(Debug, Args)]
-#[command(after_help = "\
-Each folder holds the throws of one object, a CSV file each, as for `predict`. With more than one
-folder a prior for any object is learned, and tested on each object with one learned from the others.
-Tables say how far predicted ends were off and how many lay in the ellipsoids that were claimed, for
-throws that were not learned from.
-
-Examples:
-  catchingbot learn --tracks throws/gourd --up y --out gourd.toml
-  catchingbot predict --track new.csv --up y --object gourd.toml")]
+#[command(verbatim_doc_comment)]
 pub struct LearnArguments {
     /// Folder of recorded throws of one object; may be repeated
     #[arg(long, value_name = "DIR", required = true)]
     tracks: Vec<PathBuf>,
     /// Axis of the tracks that points up
-    #[arg(long, value_enum, default_value_t = Up::Z, allow_hyphen_values = true)]
-    up: Up,
+    #[arg(long, value_parser = up(), default_value = "z", allow_hyphen_values = true)]
+    up: Unit<Vector3<f64>>,
     /// File for what was learned
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -48,9 +46,6 @@ pub struct LearnArguments {
     /// Parts for the cross-validation
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole(2, 100))]
     folds: u64,
-    /// Print one JSON document
-    #[arg(long)]
-    json: bool,
 }
 
 /// Throws that are needed for learning.
@@ -65,21 +60,12 @@ struct Row {
     reliability: Reliability,
 }
 
-#[derive(Debug, Serialize)]
-struct Document {
-    throws: usize,
-    /// Each throw predicted by others of its object.
-    cross_validated: Vec<Row>,
-    /// Each object predicted by the others.
-    other_objects: Vec<Row>,
-}
-
 /// Learns a prior, tests it, and writes it.
 ///
 /// # Errors
 /// Faults of the arguments and of the tracks' files, or throws from which nothing could be learned.
-pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
-    let read = |folder: &PathBuf| Throw::read_folder(folder, arguments.up.direction(), LEAST_THROWS);
+pub fn run(arguments: &LearnArguments, json: bool) -> anyhow::Result<()> {
+    let read = |folder: &PathBuf| Throw::read_folder(folder, arguments.up, LEAST_THROWS);
     let objects = arguments.tracks.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     whole_file::check_new([&arguments.out], "--out")?;
     let folds = usize::try_from(arguments.folds)?;
@@ -92,19 +78,17 @@ pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     let learned = flight_learning::lessons(&objects, folds, || progress.inc(1));
     let Lessons { prior, own, others } = learned.map_err(|at| nothing(&arguments.tracks[at]))?;
     progress.finish_and_clear();
-    let throws = objects.iter().map(Vec::len).sum();
+    let throws: usize = objects.iter().map(Vec::len).sum();
     let prior = FlightPrior { source: format!("{}; {throws} throws", arguments.source), ..prior };
     whole_file::write_new(&[(arguments.out.clone(), prior.text()?.into_bytes())], "--out")?;
-    let document = Document { throws, cross_validated: rows(arguments, own), other_objects: rows(arguments, others) };
-    if arguments.json {
-        return screen::document(&document);
+    let (own, others) = (rows(arguments, own), rows(arguments, others));
+    if json {
+        return screen::document(&json!({ "throws": throws, "cross_validated": own, "other_objects": others }));
     }
     screen::fact("throws", &throws.to_string())?;
-    for (title, rows) in [(OWN, &document.cross_validated), (OTHERS, &document.other_objects)] {
+    for (title, rows) in [(OWN, &own), (OTHERS, &others)] {
         if !rows.is_empty() {
-            screen::line("")?;
-            screen::line(title)?;
-            screen::text(&table(rows))?;
+            screen::line(&format!("\n{title}\n{}", table(rows).trim_fmt()))?;
         }
     }
     screen::fact("written", &arguments.out.display().to_string())?;
@@ -114,15 +98,12 @@ pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
 const OWN: &str = "Learned from other throws of the object (cross-validated)";
 const OTHERS: &str = "Learned from the other objects";
 
-/// Last part of a folder's path.
-fn name(folder: &Path) -> String {
-    folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned()
-}
-
 /// Rows for each object by how much was seen, and for all together.
 fn rows(arguments: &LearnArguments, misses: Vec<Misses>) -> Vec<Row> {
+    let names =
+        arguments.tracks.iter().map(|it| it.file_name().unwrap_or(it.as_os_str()).to_string_lossy().into_owned());
     let mut rows = Vec::new();
-    for (object, misses) in with_all(arguments.tracks.iter().map(|it| name(it)), misses) {
+    for (object, misses) in with_all(names, misses) {
         for (seen, misses) in Seen::ALL.into_iter().zip(&misses) {
             let seen = match seen {
                 Seen::Half => "half".to_owned(),
@@ -134,22 +115,19 @@ fn rows(arguments: &LearnArguments, misses: Vec<Misses>) -> Vec<Row> {
     rows
 }
 
-/// The rows as a Markdown table.
-fn table(rows: &[Row]) -> String {
-    let mut text = String::from("| object | seen | throws | failed | median cm | p95 cm |");
-    for (claimed, _) in QUANTILES {
-        let _ = write!(text, " in {:.0} % |", claimed * 100.0);
+fn table(rows: &[Row]) -> Table {
+    let headings = ["object", "seen", "throws", "failed", "median cm", "p95 cm"].map(str::to_owned).into_iter();
+    let within = QUANTILES.iter().map(|(claimed, _)| format!("in {:.0} %", claimed * 100.0));
+    let mut table = screen::table(headings.chain(within), 2..6 + QUANTILES.len());
+    for Row { object, seen, reliability: Reliability { throws, failed, median_m, p95_m, covered } } in rows {
+        let figures = [
+            throws.to_string(),
+            failed.to_string(),
+            format!("{:.2}", median_m * 100.0),
+            format!("{:.1}", p95_m * 100.0),
+        ];
+        let covered = covered.iter().map(|fraction| format!("{:.1} %", fraction * 100.0));
+        table.add_row([object.clone(), seen.clone()].into_iter().chain(figures).chain(covered));
     }
-    text.push_str("\n|---|---|---|---|---|---|---|---|---|---|\n");
-    for row in rows {
-        let object = plain(&row.object);
-        let Row { seen, reliability: Reliability { throws, failed, median_m, p95_m, covered }, .. } = row;
-        let (median_cm, p95_cm) = (median_m * 100.0, p95_m * 100.0);
-        let _ = write!(text, "| {object} | {seen} | {throws} | {failed} | {median_cm:.2} | {p95_cm:.1} |");
-        for fraction in covered {
-            let _ = write!(text, " {:.1} % |", fraction * 100.0);
-        }
-        text.push('\n');
-    }
-    text
+    table
 }

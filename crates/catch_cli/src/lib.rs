@@ -41,7 +41,7 @@ mod screen;
 mod view;
 mod watch;
 
-use std::{io, path::PathBuf, process::ExitCode, sync::LazyLock};
+use std::{io, process::ExitCode, sync::LazyLock};
 
 use catch_body::InputError;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
@@ -56,28 +56,33 @@ use failure::Failure;
 
 /// Throws things at a robot arm that catches them from depth images alone.
 ///
-/// Without a subcommand it does what `catch` does: one throw, simulated from the thrower's hand to the arm's,
-/// with its story on the terminal and a recording on disk.
+/// Without a subcommand it does what `catch` does: one throw, simulated from the thrower's hand to
+/// the arm's, with its story on the terminal and a recording on disk.
+///
+/// Examples:
+///   catchingbot                                     a tennis ball, thrown at random
+///   catchingbot --scenario paper --object banana    a banana, as in the paper
+///   catchingbot eval --throw random_by_reach        57 throws of each object: a table
+///   catchingbot list                                what there is to throw, and how
+///   catchingbot catch --json --seed 7 | jq .caught  for scripts: one JSON document
+///   catchingbot view out/honest-tennis_ball-random-1-0.catch
+///                                                   the throw in the browser
+///   catchingbot replay out/honest-tennis_ball-random-1-0.catch
+///                                                   would the brain do the same again?
+///
+/// Exit codes: 0 it ran, whatever was caught; 2 something is wrong with what was asked for;
+/// 1 anything else.
 #[derive(Debug, Parser)]
 #[command(name = "catchingbot", version = version_with_commit(), args_conflicts_with_subcommands = true, max_term_width = 100)]
-#[command(after_help = "\
-Examples:
-  catchingbot                                     a tennis ball, thrown at random
-  catchingbot --scenario paper --object banana    a banana, as in the paper
-  catchingbot eval --throw random_by_reach        57 throws of each object: a table
-  catchingbot list                                what there is to throw, and how
-  catchingbot catch --json --seed 7 | jq .caught  for scripts: one JSON document
-  catchingbot view out/honest-tennis_ball-random-1-0.catch
-                                                  the throw in the browser
-  catchingbot replay out/honest-tennis_ball-random-1-0.catch
-                                                  would the brain do the same again?
-
-Exit codes: 0 it ran, whatever was caught; 2 something is wrong with what was asked for; 1 anything else.")]
+#[command(verbatim_doc_comment)]
 struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
     #[command(flatten)]
     catch: catch::CatchArguments,
+    /// Print one JSON document instead of the story
+    #[arg(long, global = true)]
+    json: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -88,25 +93,17 @@ enum Command {
     Eval(Box<eval::EvalArguments>),
     /// Throws many times to one arm, which holds what it caught, puts it down and returns for the next throw
     Play(Box<play::PlayArguments>),
-    /// Lists what is built in: scenarios, objects, throws, robots, grippers, workcells and camera rigs
     List(list::ListArguments),
-    /// Plans motions for the catches that a file describes, with residuals and times
     Plan(plan::PlanArguments),
-    /// Fits a flight to a recorded track, and predicts where it goes on
     Predict(predict::PredictArguments),
-    /// Learns a prior on an object's flights from recorded throws, for `predict`
     Learn(learn::LearnArguments),
-    /// Calibrates the poses of the cameras from their images of the arm
     Calibrate(Box<calibrate::CalibrateArguments>),
-    /// Finds camera poses that determine the throws of a scenario best: a rig file, a table, a page
     PlaceCameras(Box<place_cameras::PlaceCamerasArguments>),
-    /// Finds the best waiting pose of an arm for a distribution of throws
     Ready(ready::ReadyArguments),
     /// Imports objects from meshes, scans, depth images, SDF and URDF
     Object(object::ObjectArguments),
     /// Imports arms from URDF
     Robot(robot::RobotArguments),
-    /// Registers a point cloud against another, or against a mesh
     Register(register::RegisterArguments),
     /// Runs the brain again on the observations of a recording, and compares every command bit for bit
     Replay(replay::ReplayArguments),
@@ -114,8 +111,9 @@ enum Command {
     Export(Box<export::ExportArguments>),
     /// Shows a recording in the browser, in three dimensions with plots; two recordings on one slider; two
     /// evaluations compared throw by throw
+    ///
+    /// With `--json` a comparison is printed as one document, and no browser is opened.
     View(view::ViewArguments),
-    /// Measures the delay of a gripper before a move, from recordings: the setting gripper_latency_s
     GripperLatency(gripper_latency::GripperLatencyArguments),
     /// Writes a commented file to start from: your own robot, gripper, workcell, cameras, object, throw or
     /// scenario, a real cell, or sample data
@@ -123,12 +121,14 @@ enum Command {
     /// Checks the files of robots, grippers, workcells, objects, throws, rigs, scenarios and cells
     Check(check::CheckArguments),
     /// Catches with a real arm, through the driver that a cell's file names
+    ///
+    /// With `--json` what the driver says goes to standard error.
     Drive(drive::DriveArguments),
     /// Measures the links to a real arm and its cameras, and predicts its catch rate
     ///
     /// For ten seconds the driver holds the arm. It measures jitter, losses, latency and clock drift, and the
     /// cameras' rates and depth noise. Then the arena throws with these figures: at the cell's
-    /// `speed_scaling`, and at full speed.
+    /// `speed_scaling`, and at full speed. With `--json` what the driver says goes to standard error.
     Doctor(doctor::DoctorArguments),
 }
 
@@ -202,28 +202,21 @@ enum MethodArgument {
 }
 
 impl ChoiceArguments {
-    /// Arm, gripper and workcell, where others than the scenario's are asked for.
-    pub fn equipment(&self) -> Choice<'_> {
+    /// The choice, with an object and a throw.
+    pub fn with<'a>(&'a self, object: Option<&'a str>, throw: Option<&'a str>) -> Choice<'a> {
         Choice {
+            scenario: Some(&self.scenario),
             robot: self.robot.as_deref(),
             gripper: self.gripper.as_deref(),
             workcell: self.workcell.as_deref(),
-            ..Choice::default()
+            object,
+            throw,
+            method: self.method.map(|method| match method {
+                MethodArgument::Ours => Method::Ours,
+                MethodArgument::Paper => Method::Paper,
+            }),
+            settings: &self.settings,
         }
-    }
-
-    /// Returns the method that is asked for.
-    pub fn method(&self) -> Option<Method> {
-        self.method.map(|method| match method {
-            MethodArgument::Ours => Method::Ours,
-            MethodArgument::Paper => Method::Paper,
-        })
-    }
-
-    /// The choice, with an object and a throw.
-    pub fn with<'a>(&'a self, object: Option<&'a str>, throw: Option<&'a str>) -> Choice<'a> {
-        let method = self.method();
-        Choice { scenario: Some(&self.scenario), object, throw, method, settings: &self.settings, ..self.equipment() }
     }
 }
 
@@ -253,17 +246,6 @@ impl ThrowArguments {
         setup.check_throw(self.seed, self.index)?;
         Ok(setup)
     }
-}
-
-/// Folder and form of the results.
-#[derive(Debug, Args)]
-pub struct OutputArguments {
-    /// Folder for what is written
-    #[arg(long, value_name = "DIR", default_value = "out")]
-    out: PathBuf,
-    /// Print one JSON document instead of the story
-    #[arg(long)]
-    json: bool,
 }
 
 /// The command line as data: its arguments with their help, for completions and documentation.
@@ -297,36 +279,37 @@ pub fn main() -> ExitCode {
         // Whoever read the output has seen enough.
         return ExitCode::SUCCESS;
     }
-    match fault.downcast_ref::<check::Faulty>() {
+    match fault.downcast_ref::<Failure>() {
         // The faults of a check are its result, which has been printed.
-        Some(check::Faulty(failure)) => failure.tell(false),
+        Some(failure) => failure.tell(false),
         None => Failure::of_command(&fault).tell(wants_json),
     }
 }
 
 fn run(arguments: Arguments) -> anyhow::Result<()> {
+    let json = arguments.json;
     match arguments.command {
-        None => catch::run(&arguments.catch),
-        Some(Command::Catch(catch)) => catch::run(&catch),
-        Some(Command::Eval(eval)) => eval::run(&eval),
-        Some(Command::Play(play)) => play::run(&play),
-        Some(Command::List(list)) => list::run(&list, command()),
-        Some(Command::Plan(plan)) => plan::run(&plan),
-        Some(Command::Predict(predict)) => predict::run(&predict),
-        Some(Command::Learn(learn)) => learn::run(&learn),
-        Some(Command::Register(register)) => register::run(&register),
-        Some(Command::Calibrate(calibrate)) => calibrate::run(&calibrate),
-        Some(Command::PlaceCameras(place)) => place_cameras::run(&place),
-        Some(Command::Ready(ready)) => ready::run(&ready),
-        Some(Command::Object(object)) => object::run(&object),
-        Some(Command::Robot(robot)) => robot::run(&robot),
-        Some(Command::Replay(replay)) => replay::run(&replay),
-        Some(Command::Export(export)) => export::run(&export),
-        Some(Command::View(view)) => view::run(&view),
-        Some(Command::GripperLatency(latency)) => gripper_latency::run(&latency),
-        Some(Command::New(new)) => new::run(&new),
-        Some(Command::Check(check)) => check::run(&check),
-        Some(Command::Drive(drive)) => drive::run(&drive),
-        Some(Command::Doctor(doctor)) => doctor::run(&doctor),
+        None => catch::run(&arguments.catch, json),
+        Some(Command::Catch(catch)) => catch::run(&catch, json),
+        Some(Command::Eval(eval)) => eval::run(&eval, json),
+        Some(Command::Play(play)) => play::run(&play, json),
+        Some(Command::List(list)) => list::run(&list, json, command()),
+        Some(Command::Plan(plan)) => plan::run(&plan, json),
+        Some(Command::Predict(predict)) => predict::run(&predict, json),
+        Some(Command::Learn(learn)) => learn::run(&learn, json),
+        Some(Command::Register(register)) => register::run(&register, json),
+        Some(Command::Calibrate(calibrate)) => calibrate::run(&calibrate, json),
+        Some(Command::PlaceCameras(place)) => place_cameras::run(&place, json),
+        Some(Command::Ready(ready)) => ready::run(&ready, json),
+        Some(Command::Object(object)) => object::run(&object, json),
+        Some(Command::Robot(robot)) => robot::run(&robot, json),
+        Some(Command::Replay(replay)) => replay::run(&replay, json),
+        Some(Command::Export(export)) => export::run(&export, json),
+        Some(Command::View(view)) => view::run(&view, json),
+        Some(Command::GripperLatency(latency)) => gripper_latency::run(&latency, json),
+        Some(Command::New(new)) => new::run(&new, json),
+        Some(Command::Check(check)) => check::run(&check, json),
+        Some(Command::Drive(drive)) => drive::run(&drive, json),
+        Some(Command::Doctor(doctor)) => doctor::run(&doctor, json),
     }
 }

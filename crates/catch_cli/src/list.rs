@@ -3,19 +3,20 @@
 use std::collections::BTreeMap;
 
 use catch_body::InputError;
-use catch_lab::assets::{Asset, KNOWN_FILE, Kind, nearest};
+use catch_lab::assets::{Asset, KNOWN_FILE, Kind, did_you_mean, nearest};
 use catch_recording::whole_file::COMMAND_LINE;
 use clap::{Args, Command};
 use clap_complete::{Shell, generate};
 
 use crate::screen::{self, FAINT, STRONG};
 
-/// Arguments of `list`.
+/// Lists what is built in: scenarios, objects, throws, robots, grippers, workcells and camera rigs
+///
+/// Examples:
+///   catchingbot list --completions bash >> ~/.bash_completion
+///   catchingbot list --completions fish > ~/.config/fish/completions/catchingbot.fish
 #[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  catchingbot list --completions bash >> ~/.bash_completion
-  catchingbot list --completions fish > ~/.config/fish/completions/catchingbot.fish")]
+#[command(verbatim_doc_comment)]
 pub struct ListArguments {
     /// Print the file of this scenario, object, throw, robot, gripper, workcell or rig, to read or to start
     /// your own from
@@ -24,24 +25,21 @@ pub struct ListArguments {
     /// Print a shell's completions of this program's arguments instead
     #[arg(long, value_enum, value_name = "SHELL", conflicts_with_all = ["show", "json"])]
     completions: Option<Shell>,
-    /// Print one JSON document
-    #[arg(long)]
-    json: bool,
 }
 
 /// Lists what is built in, or shows one of it; or prints the completions of `program`.
 ///
 /// # Errors
 /// A name that is not built in.
-pub fn run(arguments: &ListArguments, mut program: Command) -> anyhow::Result<()> {
+pub fn run(arguments: &ListArguments, json: bool, mut program: Command) -> anyhow::Result<()> {
     if let Some(shell) = arguments.completions {
         let mut script = Vec::new();
         generate(shell, &mut program, "catchingbot", &mut script);
         return Ok(screen::text(&String::from_utf8_lossy(&script))?);
     }
     match &arguments.show {
-        Some(name) => show(name, arguments.json),
-        None => list(arguments.json),
+        Some(name) => show(name, json),
+        None => list(json),
     }
 }
 
@@ -91,7 +89,7 @@ fn show(name: &str, json: bool) -> anyhow::Result<()> {
     }
     if files.is_empty() {
         let all: Vec<&str> = Kind::ALL.iter().flat_map(|kind| kind.names()).collect();
-        let hint = nearest(name, &all).map(|it| format!(" (did you mean `{it}`?)")).unwrap_or_default();
+        let hint = did_you_mean(nearest(name, &all));
         let expected = format!("one of {}{hint}", all.join(", "));
         return Err(InputError::new(COMMAND_LINE, "--show", format!("`{name}`"), expected).into());
     }

@@ -7,7 +7,7 @@ use catch_import::templates;
 use catch_lab::assets::Kind;
 use catch_recording::whole_file::{COMMAND_LINE, write_new};
 use clap::{Args, ValueEnum};
-use serde::Serialize;
+use serde_json::json;
 
 use crate::screen;
 
@@ -26,15 +26,6 @@ pub struct NewArguments {
     /// Folder to put it in
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
-    /// Print one JSON document instead of the story
-    #[arg(long)]
-    json: bool,
-}
-
-#[derive(Serialize)]
-struct Document<'a> {
-    files: Vec<&'a PathBuf>,
-    try_it: String,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -67,7 +58,7 @@ enum NewKind {
 ///
 /// # Errors
 /// A name that cannot be a file's, or that something built in has; a file that is already there.
-pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
+pub fn run(arguments: &NewArguments, json: bool) -> anyhow::Result<()> {
     let name = &arguments.name;
     let object = Kind::Object.names()[0];
     let of_kind = |kind: Kind, trial: &str| {
@@ -101,8 +92,9 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
     let trial: Vec<String> = trial.split(' ').map(|it| it.replace("{}", &first)).collect();
     let trial: Vec<&str> = trial.iter().map(String::as_str).collect();
     let try_it = screen::command(&trial);
-    if arguments.json {
-        return screen::document(&Document { files: files.iter().map(|(path, _)| path).collect(), try_it });
+    if json {
+        let files: Vec<_> = files.iter().map(|(path, _)| path.to_string_lossy()).collect();
+        return screen::document(&json!({ "files": files, "try_it": try_it }));
     }
     for (path, _) in &files {
         screen::fact("written", &path.display().to_string())?;

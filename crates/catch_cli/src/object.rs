@@ -6,7 +6,7 @@ use catch_body::InputError;
 use catch_import::object_import::{ImportOptions, ImportedObject};
 use catch_recording::whole_file::{COMMAND_LINE, write_new};
 use clap::{Args, Subcommand};
-use serde::Serialize;
+use serde_json::json;
 
 use crate::{number, screen};
 
@@ -19,25 +19,25 @@ pub struct ObjectArguments {
 
 #[derive(Debug, Subcommand)]
 enum ObjectCommand {
-    /// Makes an object from a mesh, a point cloud, depth images, or a link that somebody else described
     Import(ImportArguments),
 }
 
-/// Arguments of `object import`.
+/// Makes an object from a mesh, a point cloud, depth images, or a link that somebody else described
+///
+/// A mesh (OBJ, STL, PLY, COLLADA, glTF, GLB) becomes the object's shape, and so does the surface
+/// of a point cloud all around it (PLY without faces, PCD, XYZ; in metres or millimetres, best with
+/// outward normals) and of depth images (a folder with 16-bit PNG files in millimetres, and in its
+/// rig.toml a camera for each); of a description (SDF, URDF) its link with a shape does, with mass,
+/// centre of mass, inertia, friction and collision shapes. Vertices are welded, holes filled and
+/// triangles turned where that is safe; each repair is told, and a defect that is left is located.
+/// What no file says is assumed, and says so in the object's file.
+///
+/// Examples:
+///   catchingbot object import scan.ply --out mug
+///   catchingbot object import models/drill/model.sdf --out drill
+///   catchingbot --object mug
 #[derive(Debug, Args)]
-#[command(after_help = "\
-A mesh (OBJ, STL, PLY, COLLADA, glTF, GLB) becomes the object's shape, and so does the surface
-of a point cloud all around it (PLY without faces, PCD, XYZ; in metres or millimetres, best with
-outward normals) and of depth images (a folder with 16-bit PNG files in millimetres, and in its
-rig.toml a camera for each); of a description (SDF, URDF) its link with a shape does, with mass,
-centre of mass, inertia, friction and collision shapes. Vertices are welded, holes filled and
-triangles turned where that is safe; each repair is told, and a defect that is left is located.
-What no file says is assumed, and says so in the object's file.
-
-Examples:
-  catchingbot object import scan.ply --out mug
-  catchingbot object import models/drill/model.sdf --out drill
-  catchingbot --object mug")]
+#[command(verbatim_doc_comment)]
 pub struct ImportArguments {
     /// A mesh, a cloud, a description, or a folder that holds one, or depth images and their rig.toml
     #[arg(value_name = "FILE|FOLDER")]
@@ -58,28 +58,13 @@ pub struct ImportArguments {
     /// Fill holes up to this width in metres [default: 0.15 of the longest side]
     #[arg(long, value_name = "N", value_parser = number)]
     fill_holes: Option<f64>,
-    /// Print one JSON document instead of the story
-    #[arg(long)]
-    json: bool,
-}
-
-#[derive(Serialize)]
-struct Document {
-    object: PathBuf,
-    name: String,
-    mass_kg: f64,
-    volume_m3: f64,
-    size_m: [f64; 3],
-    triangles: usize,
-    convex_parts: usize,
-    findings: Vec<String>,
 }
 
 /// Imports an object.
 ///
 /// # Errors
 /// Faults of the files, the options or the place to write to.
-pub fn run(arguments: &ObjectArguments) -> anyhow::Result<()> {
+pub fn run(arguments: &ObjectArguments, json: bool) -> anyhow::Result<()> {
     let ObjectCommand::Import(arguments) = &arguments.command;
     let out = &arguments.out;
     let fault = |found: String, expected: &str| InputError::new(COMMAND_LINE, "--out", found, expected);
@@ -108,24 +93,24 @@ pub fn run(arguments: &ObjectArguments) -> anyhow::Result<()> {
         files.push((folder.join("truth.toml"), truth.into_bytes()));
     }
     write_new(&files, "--out")?;
-    tell(arguments, &imported)
+    tell(arguments, &imported, json)
 }
 
 /// Says what was made, and what to do next.
-fn tell(arguments: &ImportArguments, imported: &ImportedObject) -> anyhow::Result<()> {
+fn tell(arguments: &ImportArguments, imported: &ImportedObject, json: bool) -> anyhow::Result<()> {
     let object = &imported.object;
     let size_m = object.mesh.aabb().size;
-    if arguments.json {
-        return screen::document(&Document {
-            object: arguments.out.clone(),
-            name: object.name.clone(),
-            mass_kg: object.mass_kg,
-            volume_m3: object.mesh.volume(),
-            size_m: size_m.into(),
-            triangles: object.mesh.triangles.len(),
-            convex_parts: object.parts.len(),
-            findings: imported.findings.clone(),
-        });
+    if json {
+        return screen::document(&json!({
+            "object": arguments.out.to_string_lossy(),
+            "name": object.name,
+            "mass_kg": object.mass_kg,
+            "volume_m3": object.mesh.volume(),
+            "size_m": size_m.as_slice(),
+            "triangles": object.mesh.triangles.len(),
+            "convex_parts": object.parts.len(),
+            "findings": imported.findings,
+        }));
     }
     let [x, y, z] = <[f64; 3]>::from(size_m * 1e3);
     let volume_cm3 = object.mesh.volume() * 1e6;

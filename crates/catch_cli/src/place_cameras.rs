@@ -19,28 +19,29 @@ use catch_sim::{
 };
 use catch_view::pages::placement_page::{self, CameraView};
 use clap::Args;
-use serde::Serialize;
+use serde_json::{Value, json};
 
-use super::{ChoiceArguments, MOST, OutputArguments, between, whole};
+use super::{ChoiceArguments, MOST, between, whole};
 use crate::screen;
 
 /// Cameras of a rig that is compared, at most.
 const MOST_COMPARED: usize = 20;
 
-/// Arguments of `place-cameras`.
+/// Finds camera poses that determine the throws of a scenario best: a rig file, a table, a page
+///
+/// Cameras hang on the walls and the ceiling of a box, and are aimed at where objects fly. It chooses
+/// the cameras whose images determine best where the object will be caught, at two times: when the
+/// catch is decided, and when the fingers begin to close. What the waiting arm and the border of an
+/// image hide does not count. Cameras that show little of the arm, on which they are calibrated, are
+/// left out. All are like the first camera of the scenario's rig:
+///
+///   catchingbot place-cameras --scenario lab --cameras 2 --out placed
+///   catchingbot place-cameras --scenario lab --cameras 3 --from=-1,-1.5,0.5 --to=2,2,1.9 --out placed
+///   catchingbot eval --scenario lab --set flight_rig=placed/rig.toml
+///
+/// The table compares them with the scenario's own rig.
 #[derive(Debug, Args)]
-#[command(after_help = "\
-Cameras hang on the walls and the ceiling of a box, and are aimed at where objects fly. It chooses
-the cameras whose images determine best where the object will be caught, at two times: when the
-catch is decided, and when the fingers begin to close. What the waiting arm and the border of an
-image hide does not count. Cameras that show little of the arm, on which they are calibrated, are
-left out. All are like the first camera of the scenario's rig:
-
-  catchingbot place-cameras --scenario lab --cameras 2 --out placed
-  catchingbot place-cameras --scenario lab --cameras 3 --from=-1,-1.5,0.5 --to=2,2,1.9 --out placed
-  catchingbot eval --scenario lab --set flight_rig=placed/rig.toml
-
-The table compares them with the scenario's own rig.")]
+#[command(verbatim_doc_comment)]
 pub struct PlaceCamerasArguments {
     #[command(flatten)]
     choice: ChoiceArguments,
@@ -74,8 +75,9 @@ pub struct PlaceCamerasArguments {
     /// Seed of the throws and of the arm's postures
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
     seed: u64,
-    #[command(flatten)]
-    output: OutputArguments,
+    /// Folder for what is written
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
 }
 
 /// A corner of a box in a cell, as its coordinates are written.
@@ -97,54 +99,33 @@ fn corner(text: &str) -> Result<Corner, String> {
     corner.map(Corner).ok_or_else(|| "expected three numbers from -50 to 50, such as -1.2,-1.6,0.4".to_owned())
 }
 
-#[derive(Serialize)]
-struct Document<'a> {
-    scenario: &'a str,
-    seed: u64,
-    throws: u64,
-    candidates: usize,
-    rig: PathBuf,
-    page: PathBuf,
-    rigs: Vec<RigDocument>,
+/// Standard deviations along each axis of the position at the catch: predicted at the decision, and when the
+/// fingers begin to close, median and 90 % of each.
+fn sds_m(score: &Score) -> [f64; 4] {
+    let decision = |fraction| score.quantile_m(|it| it.decision_sd_m, fraction);
+    let closing = |fraction| score.quantile_m(|it| it.closing_sd_m, fraction);
+    [decision(0.5), decision(0.9), closing(0.5), closing(0.9)]
 }
 
-/// What the cameras of a rig know of the throws.
-#[derive(Serialize)]
-pub struct RigDocument {
-    rig: String,
-    cameras: usize,
-    #[serde(flatten)]
-    score: Score,
-    /// Standard deviation along each axis of the position at the catch, predicted at the decision: median and
-    /// 90 %.
-    decision_sd_median_m: f64,
-    decision_sd_90_m: f64,
-    /// Standard deviation along each axis of the position at the catch, predicted when the fingers begin to
-    /// close: median and 90 %.
-    closing_sd_median_m: f64,
-    closing_sd_90_m: f64,
-}
-
-impl RigDocument {
-    pub fn of(rig: &str, score: &Score) -> Self {
-        Self {
-            rig: rig.to_owned(),
-            cameras: score.shown.len(),
-            score: score.clone(),
-            decision_sd_median_m: score.quantile_m(|it| it.decision_sd_m, 0.5),
-            decision_sd_90_m: score.quantile_m(|it| it.decision_sd_m, 0.9),
-            closing_sd_median_m: score.quantile_m(|it| it.closing_sd_m, 0.5),
-            closing_sd_90_m: score.quantile_m(|it| it.closing_sd_m, 0.9),
-        }
-    }
+/// What the cameras of a rig know of the throws, as a document.
+pub fn rig_document(rig: &str, score: &Score) -> Value {
+    let sds_m = sds_m(score);
+    let mut document = json!(score);
+    document["rig"] = json!(rig);
+    document["cameras"] = json!(score.shown.len());
+    document["decision_sd_median_m"] = json!(sds_m[0]);
+    document["decision_sd_90_m"] = json!(sds_m[1]);
+    document["closing_sd_median_m"] = json!(sds_m[2]);
+    document["closing_sd_90_m"] = json!(sds_m[3]);
+    document
 }
 
 /// Places cameras, writes their rig and a page, and compares them with the scenario's.
 ///
 /// # Errors
 /// Faults of the choice, or of writing.
-pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
-    let OutputArguments { out, json } = &arguments.output;
+pub fn run(arguments: &PlaceCamerasArguments, json: bool) -> anyhow::Result<()> {
+    let out = &arguments.out;
     let (rig_path, page_path) = (out.join("rig.toml"), out.join("cameras.html"));
     check_new([&rig_path, &page_path], "--out")?;
     let setup = Setup::load(&arguments.choice.with(arguments.object.as_deref(), arguments.throw.as_deref()))?;
@@ -165,29 +146,33 @@ pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
     let placement = study.place(kind)?;
     bar.finish_and_clear();
     let score = study.score(&placement.cameras);
-    let mut rigs = vec![RigDocument::of("placed", &score)];
+    let mut rigs = vec![("placed", score)];
     if setup.cameras.len() <= MOST_COMPARED {
-        rigs.push(RigDocument::of(&setup.scenario.flight_rig, &study.score(&setup.cameras)));
+        rigs.push((&setup.scenario.flight_rig, study.score(&setup.cameras)));
     }
     let rig: Vec<_> = placement.cameras.iter().map(|camera| (camera.clone(), None)).collect();
     let about = format!(
         "Cameras placed for the throw {} of the scenario {}, by what {} throws of seed {} tell until {} s and {} s before the catch.",
         setup.scenario.throw, setup.scenario.name, config.throws, config.seed, DECISION_S, CLOSING_S
     );
-    let views = views(&setup, &study, &placement.cameras, &score);
+    let views = views(&setup, &study, &placement.cameras, &rigs[0].1);
     let page = placement_page::page("Placed cameras", &study.flights, &views);
     let files = [(rig_path.clone(), rig_to_toml(&about, &rig).into_bytes()), (page_path.clone(), page.into_bytes())];
     write_new(&files, "--out")?;
-    let document = Document {
-        scenario: &setup.scenario.name,
-        seed: config.seed,
-        throws: config.throws,
-        candidates: placement.candidates,
-        rig: rig_path,
-        page: page_path,
-        rigs,
-    };
-    if *json { screen::document(&document) } else { Ok(tell(&document, &placement.cameras)?) }
+    if !json {
+        tell(&rigs, &placement.cameras)?;
+        screen::fact("rig", &rig_path.display().to_string())?;
+        return Ok(screen::fact("what is seen", &page_path.display().to_string())?);
+    }
+    screen::document(&json!({
+        "scenario": setup.scenario.name,
+        "seed": config.seed,
+        "throws": config.throws,
+        "candidates": placement.candidates,
+        "rig": rig_path.to_string_lossy(),
+        "page": page_path.to_string_lossy(),
+        "rigs": rigs.iter().map(|(rig, score)| rig_document(rig, score)).collect::<Vec<_>>(),
+    }))
 }
 
 fn views<'a>(setup: &Setup, study: &PlacementStudy, cameras: &'a [CameraModel], score: &Score) -> Vec<CameraView<'a>> {
@@ -213,7 +198,7 @@ fn views<'a>(setup: &Setup, study: &PlacementStudy, cameras: &'a [CameraModel], 
     cameras.iter().zip(images).zip(of_images).map(view).collect()
 }
 
-fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
+fn tell(rigs: &[(&str, Score)], cameras: &[CameraModel]) -> io::Result<()> {
     screen::line("")?;
     let headings = [
         "rig",
@@ -227,22 +212,16 @@ fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
         "expected\ncaught, %",
     ];
     let mut table = screen::table(headings, 1..9);
-    for it in &document.rigs {
-        table.add_row([
-            it.rig.clone(),
-            it.cameras.to_string(),
-            format!("{:.0}", it.score.shown_by_one * 100.0),
-            format!("{:.0}", it.score.shown_by_two * 100.0),
-            format!("{:.2}", it.decision_sd_median_m * 1e3),
-            format!("{:.2}", it.decision_sd_90_m * 1e3),
-            format!("{:.2}", it.closing_sd_median_m * 1e3),
-            format!("{:.2}", it.closing_sd_90_m * 1e3),
-            it.score.expected_rate.map_or("–".to_owned(), |it| format!("{:.0}", it * 100.0)),
-        ]);
+    let percent = |fraction: f64| format!("{:.0}", fraction * 100.0);
+    for (rig, score) in rigs {
+        let shown = [score.shown.len().to_string(), percent(score.shown_by_one), percent(score.shown_by_two)];
+        let sds_mm = sds_m(score).map(|sd_m| format!("{:.2}", sd_m * 1e3));
+        let rate = score.expected_rate.map_or("–".to_owned(), percent);
+        table.add_row([rig.to_string()].into_iter().chain(shown).chain(sds_mm).chain([rate]));
     }
     screen::line(&table.trim_fmt())?;
     screen::line("")?;
-    let Score { shown, arm_shown, .. } = &document.rigs[0].score;
+    let Score { shown, arm_shown, .. } = &rigs[0].1;
     for (i, (camera, (shown, of_arm))) in cameras.iter().zip(shown.iter().zip(arm_shown)).enumerate() {
         let p = camera.X_WC.translation.vector;
         let ahead = camera.X_WC.rotation * nalgebra::Vector3::z();
@@ -252,6 +231,5 @@ fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
         let shows = format!("shows {:.0} % of the images and {:.0} % of the arm", shown * 100.0, of_arm * 100.0);
         screen::fact(&format!("camera {i}"), &format!("{place}, {shows}"))?;
     }
-    screen::fact("rig", &document.rig.display().to_string())?;
-    screen::fact("what is seen", &document.page.display().to_string())
+    Ok(())
 }

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, path::PathBuf, time::Instant};
 use catch_body::statistics::{median, quantile, sorted};
 use catch_body::{Gripper, JointVector, Robot};
 use catch_bot::trajectory_optimization::{Config, MotionPlanner, PlanningFailure, Start};
-use catch_cell::arm::Setpoint;
+use catch_cell::{LimitKind, arm::Setpoint, executor::PeakRatios};
 use catch_lab::planner_cases::{self, PlannerCase};
 use catch_paper::posed::{PosedCatch, PosedPlanner};
 use catch_recording::whole_file::COMMAND_LINE;
@@ -18,20 +18,20 @@ use crate::screen::{self, FAINT, STRONG};
 
 /// Each case is planned this often, for the time that it takes: a median is not disturbed by other programs.
 const RUNS: usize = 7;
-/// Instants at which torques are looked at.
-const TORQUE_CHECKS: usize = 500;
 
-/// Arguments of `plan`.
+/// Plans motions for the catches that a file describes, with residuals and times
+///
+/// The file is one JSON document:
+///   {"q_start": [..], "grasp_centre_y_m": 0.0833, "cases": [
+///     {"id": 0, "time_remaining_s": 0.46, "object_p": [..], "object_v": [..],
+///      "R_WG": [[..],[..],[..]], "p_WG": [..]}, ..]}
+/// The grasp centre, grasp_centre_y_m along the gripper's y axis, is to be at object_p after
+/// time_remaining_s, the gripper's axes being the columns of R_WG, and to move there at
+/// s * object_v, 0 <= s <= 0.3. dq_start and robot may be given as well; q_start, dq_start and robot
+/// also in a case of their own. s_max may be noted in a case; it changes nothing. Lengths in metres,
+/// angles in radians, times in seconds.
 #[derive(Debug, Args)]
-#[command(after_help = "\
-The file is one JSON document:
-  {\"q_start\": [..], \"grasp_centre_y_m\": 0.0833, \"cases\": [
-    {\"id\": 0, \"time_remaining_s\": 0.46, \"object_p\": [..], \"object_v\": [..],
-     \"R_WG\": [[..],[..],[..]], \"p_WG\": [..]}, ..]}
-The grasp centre, grasp_centre_y_m along the gripper's y axis, is to be at object_p after
-time_remaining_s, the gripper's axes being the columns of R_WG, and to move there at
-s * object_v, 0 <= s <= 0.3. dq_start and robot may be given as well; q_start, dq_start and robot
-also in a case of their own. s_max may be noted in a case; it changes nothing. Lengths in metres, angles in radians, times in seconds.")]
+#[command(verbatim_doc_comment)]
 pub struct PlanArguments {
     /// JSON file of catches
     #[arg(long, value_name = "FILE")]
@@ -40,9 +40,6 @@ pub struct PlanArguments {
     /// file names, or that of the default scenario]
     #[arg(long, value_name = "NAME|FILE")]
     robot: Option<String>,
-    /// Print one JSON document
-    #[arg(long)]
-    json: bool,
 }
 
 /// Result of one case.
@@ -65,8 +62,6 @@ struct PlanFigures {
     control_points: Vec<Vec<f64>>,
     residual: Residual,
     limit_ratio: LimitRatio,
-    /// Time of planning the same catch again from this plan, 5 mm aside.
-    retarget_ms: f64,
 }
 
 /// Distance of the spline's end from the target, and of its start from the arm's state.
@@ -92,7 +87,7 @@ struct LimitRatio {
 ///
 /// # Errors
 /// Faults in the file and in the robot's files.
-pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
+pub fn run(arguments: &PlanArguments, json: bool) -> anyhow::Result<()> {
     let cases = planner_cases::read(&arguments.cases)?;
     let file = arguments.cases.display().to_string();
     let mut planners: Vec<(Option<&str>, f64, PosedPlanner)> = Vec::new();
@@ -111,7 +106,7 @@ pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
         let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
         rows.push(row(planner, &start, case));
     }
-    if arguments.json {
+    if json {
         return screen::document(&BTreeMap::from([("cases", rows)]));
     }
     Ok(print(&rows)?)
@@ -154,18 +149,18 @@ fn figures(planner: &PosedPlanner, start: &Start, case: &PlannerCase, plan: &Pos
     let X_WL = robot.link_poses(&q);
     let X_WG = robot.gripper_in(&X_WL);
     let centre = X_WG * Point3::new(0.0, case.grasp_centre_y_m, 0.0);
-    let velocity = robot.jacobian(&X_WL, &centre).fixed_rows::<3>(3) * dq;
+    let v_WC = robot.jacobian(&X_WL, &centre).fixed_rows::<3>(3) * dq;
     let [q_start, dq_start, _] = spline.evaluate(0.0);
     let residual = Residual {
         position_m: (centre - case.p_WO).norm(),
         rotation_error_rad: X_WG.rotation.angle_to(&target.X_WG.rotation),
-        velocity_mps: (velocity - target.v_WO * plan.speed_fraction).norm(),
+        velocity_mps: (v_WC - target.v_WO * plan.speed_fraction).norm(),
         start_rad: (q_start - start.state.q).amax(),
         start_radps: (dq_start - start.state.dq).amax(),
     };
-    let mut aside = *target;
-    aside.X_WG.translation.vector.x += 5e-3;
-    let (_, retarget_ms) = timed(|| planner.retarget_at(start, &aside, plan));
+    let peaks = PeakRatios::of(robot, spline);
+    let kinds = [LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Torque];
+    let [position, velocity, acceleration, torque] = kinds.map(|kind| peaks.highest(kind));
     PlanFigures {
         speed_fraction: plan.speed_fraction,
         knots: spline.knots_s.clone(),
@@ -173,43 +168,8 @@ fn figures(planner: &PosedPlanner, start: &Start, case: &PlannerCase, plan: &Pos
             .map(|joint| spline.control_points.iter().map(|point| point[joint]).collect())
             .collect(),
         residual,
-        limit_ratio: limit_ratio(robot, plan),
-        retarget_ms,
+        limit_ratio: LimitRatio { position, velocity, acceleration, torque },
     }
-}
-
-/// Positions and velocities are largest where the next derivative vanishes or at a knot; accelerations at
-/// knots.
-fn limit_ratio(robot: &Robot, plan: &PosedCatch) -> LimitRatio {
-    let spline = &plan.spline;
-    let mut most = LimitRatio { position: 0.0, velocity: 0.0, acceleration: 0.0, torque: 0.0 };
-    let (from_s, until_s) = (spline.start_s(), spline.end_s());
-    let mut times: Vec<f64> = spline.knots_s.clone();
-    times.extend((0..=TORQUE_CHECKS).map(|i| from_s + (until_s - from_s) * i as f64 / TORQUE_CHECKS as f64));
-    for pair in spline.knots_s.windows(2).filter(|pair| pair[1] > pair[0]) {
-        let inside = |fraction: f64| spline.evaluate(pair[0] + fraction * (pair[1] - pair[0]))[2];
-        // Linear within the span, its ends taken from inside.
-        let (low, high) = (inside(1e-9), inside(1.0 - 1e-9));
-        times.extend(
-            (0..robot.dof())
-                .map(|i| low[i] / (low[i] - high[i]))
-                .filter(|it| (0.0..=1.0).contains(it))
-                .map(|fraction| pair[0] + fraction * (pair[1] - pair[0])),
-        );
-    }
-    for time_s in times {
-        let [q, dq, ddq] = spline.evaluate(time_s);
-        let torque = robot.inverse_dynamics(&q, &dq, &ddq);
-        for (i, joint) in robot.joints.iter().enumerate() {
-            let limits = &joint.limits;
-            let (middle, half) = ((limits.upper + limits.lower) / 2.0, (limits.upper - limits.lower) / 2.0);
-            most.position = most.position.max((q[i] - middle).abs() / half);
-            most.velocity = most.velocity.max(dq[i].abs() / joint.max_speed(q[i], dq[i]));
-            most.acceleration = most.acceleration.max(ddq[i].abs() / limits.acceleration);
-            most.torque = most.torque.max(torque[i].abs() / limits.torque);
-        }
-    }
-    most
 }
 
 fn print(rows: &[Row]) -> std::io::Result<()> {
@@ -239,13 +199,10 @@ fn print(rows: &[Row]) -> std::io::Result<()> {
         "  {STRONG}{solved} of {} solved{STRONG:#}, {out} out of reach, {none} without a motion",
         rows.len()
     ))?;
-    let summary = |times: Vec<f64>, what: &str| {
-        let times = sorted(times);
-        let [Some(middle), Some(most)] = [0.5, 1.0].map(|fraction| quantile(&times, fraction)) else { return Ok(()) };
-        screen::fact(what, &format!("median {middle:.3} ms, max {most:.3} ms"))
-    };
-    summary(rows.iter().map(|row| row.time_ms).collect(), "cold")?;
-    summary(rows.iter().filter_map(|row| row.plan.as_ref()).map(|it| it.retarget_ms).collect(), "5 mm aside")?;
+    let times = sorted(rows.iter().map(|row| row.time_ms).collect::<Vec<_>>());
+    if let [Some(middle), Some(most)] = [0.5, 1.0].map(|fraction| quantile(&times, fraction)) {
+        screen::fact("time", &format!("median {middle:.3} ms, max {most:.3} ms"))?;
+    }
     screen::line(&format!(
         "  {FAINT}speed: fraction of the object's velocity; limits: largest ratio on the way{FAINT:#}"
     ))

@@ -6,6 +6,7 @@ use catch_body::InputError;
 use catch_body::statistics::wilson95;
 use catch_lab::{
     assets::Kind,
+    evaluation::cell_summary::CellSummary,
     play::{EarlyEnd, Life, Play, PlayRow},
     recording,
     referee::Row,
@@ -13,12 +14,12 @@ use catch_lab::{
 };
 use catch_recording::whole_file;
 use clap::Args;
-use comfy_table::{CellAlignment, Table, presets::NOTHING};
+use comfy_table::Table;
 use serde::Serialize;
 
 use super::{ChoiceArguments, MOST, between, whole};
 use crate::{
-    calibrate, screen,
+    calibrate, eval, screen,
     watch::{self, Watch},
 };
 
@@ -48,9 +49,6 @@ pub struct PlayArguments {
     /// Write a recording of each throw to this folder, with the object being put down; `view` opens it
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print one JSON document instead of the table
-    #[arg(long)]
-    json: bool,
 }
 
 /// Document of `--json`.
@@ -76,11 +74,11 @@ struct Document<'a> {
 ///
 /// # Errors
 /// A fault of the input; a recording that cannot be written.
-pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
+pub fn run(arguments: &PlayArguments, json: bool) -> anyhow::Result<()> {
     let PlayArguments { trials: throws, every: every_s, seed, .. } = *arguments;
     let play = Play { setups: setups(arguments)?, throws, every_s, seed, folder: arguments.out.clone() };
     play.folder.as_ref().map_or(Ok(()), |it| whole_file::make_writable(it, "--out"))?;
-    calibrate::before_throws(&play.setups[0], arguments.seed, !arguments.json)?;
+    calibrate::before_throws(&play.setups[0], arguments.seed, !json)?;
     let setups: Vec<Arc<Setup>> =
         play.setups.iter().filter(|_| arguments.watch).map(|it| Arc::new(it.clone())).collect();
     let watch = Watch::start(arguments.watch, "Many throws in one life", Some(arguments.trials as usize))?;
@@ -105,10 +103,10 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
         watch.end();
     }
     let document = document(&play, &life);
-    if arguments.json {
+    if json {
         return screen::document(&document);
     }
-    tell(&table(&play, &life), &life, &document)?;
+    tell(&eval::table(&cells(&play, &life)), &life, &document)?;
     let shown = life.rows.iter().find(|it| it.placed == Some(true)).or(life.rows.first());
     if let Some((folder, shown)) = arguments.out.as_ref().zip(shown) {
         let file = recording::file(folder, &shown.row.scene);
@@ -183,35 +181,11 @@ fn document<'a>(play: &'a Play, life: &'a Life) -> Document<'a> {
 }
 
 /// A row for each object.
-fn table(play: &Play, life: &Life) -> Table {
-    let mut table = Table::new();
-    table.load_preset(NOTHING).set_header(["object", "throws", "caught", "95 %", "misses"]);
-    for setup in &play.setups {
-        let object = &setup.scenario.object;
+fn cells(play: &Play, life: &Life) -> Vec<CellSummary> {
+    let of_object = |setup: &Setup| {
+        let Scenario { object, throw, .. } = &setup.scenario;
         let rows: Vec<&Row> = life.rows.iter().map(|it| &it.row).filter(|row| row.scene.object == *object).collect();
-        let caught = rows.iter().filter(|row| row.verdict.caught).count();
-        let [low, high] = wilson95(caught, rows.len()).map(|it| it * 100.0);
-        let mut misses: Vec<(String, usize)> = Vec::new();
-        for reason in rows.iter().filter_map(|row| row.verdict.reason) {
-            let text = reason.to_string();
-            match misses.iter_mut().find(|(it, _)| *it == text) {
-                Some((_, count)) => *count += 1,
-                None => misses.push((text, 1)),
-            }
-        }
-        let misses: Vec<String> = misses.into_iter().map(|(text, count)| format!("{count}× {text}")).collect();
-        table.add_row([
-            object.clone(),
-            rows.len().to_string(),
-            caught.to_string(),
-            format!("{low:.1}–{high:.1} %"),
-            misses.join(", "),
-        ]);
-    }
-    for column in [1, 2] {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
-    table
+        CellSummary::of(object, throw, &rows, setup.repeats_itself())
+    };
+    play.setups.iter().map(of_object).collect()
 }

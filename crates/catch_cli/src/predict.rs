@@ -1,49 +1,53 @@
 //! `catchingbot predict`: fits a flight to a recorded track and predicts it.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
-use catch_body::{InputError, quantity};
+use catch_body::quantity;
 use catch_lab::flights::{
     flight::{Flight, FlightState},
-    flight_prediction::{self, DRAG_PER_M, FlightStatus, Known, LEAST_SIGHTINGS},
+    flight_prediction::{self, FlightStatus, LEAST_SIGHTINGS},
     flight_prior::FlightPrior,
     stretches::axis,
     track_file,
 };
 use catch_recording::{name_of, whole_file::COMMAND_LINE};
-use clap::{Args, ValueEnum};
+use clap::{
+    Args,
+    builder::{PossibleValue, PossibleValuesParser, TypedValueParser},
+};
 use nalgebra::{Unit, Vector3};
 use serde::Serialize;
 
 use crate::{number, screen};
 
-/// Arguments of `predict`.
+/// Fits a flight to a recorded track, and predicts where it goes on
+///
+/// The track is a CSV file of t,x,y,z or t,x,y,z,qx,qy,qz,qw in seconds and metres; a header may
+/// name them in any order; rows with gaps or NaN are left out. `end` is the last time in the
+/// file, also if --until hides it. Gravity is 9.81 m/s² against the axis named by --up. The results are
+/// in the track's own axes and clock; covariances are of (position, velocity).
+///
+/// The flight has drag, a Magnus force and, with orientations, drag by direction, decay of the spin and
+/// a tracked point beside the centre of mass. What is known of them beforehand is in --object, or in a
+/// prior for any object. Rows before the flight, as in a hand, are left out, and so are rows of zeros
+/// and rows that repeat the one before. A contact ends the flight: it is reported, and what follows it
+/// is not looked at. The status is `predicted`; `implausible` where the rows are far from one flight;
+/// `no_gravity` where none of them fall; `too_few_sightings`; or `not_converged`.
+///
+/// Examples:
+///   catchingbot predict --track ball.csv --up y --until 0.4     what was known after 0.4 s?
+///   catchingbot predict --track ball.csv --at 0.6 --at 0.7 --json
+///   catchingbot learn --tracks throws/ --up y --out gourd.toml
+///   catchingbot predict --track new.csv --up y --object gourd.toml
 #[derive(Debug, Args)]
-#[command(after_help = "\
-The track is a CSV file of t,x,y,z or t,x,y,z,qx,qy,qz,qw in seconds and metres; a header may
-name them in any order; rows with gaps or NaN are left out. `end` is the last time in the
-file, also if --until hides it. Gravity is 9.81 m/s² against the axis named by --up. The results are
-in the track's own axes and clock; covariances are of (position, velocity).
-
-The flight has drag, a Magnus force and, with orientations, drag by direction, decay of the spin and
-a tracked point beside the centre of mass. What is known of them beforehand is in --object, or in a
-prior for any object. Rows before the flight, as in a hand, are left out, and so are rows of zeros
-and rows that repeat the one before. A contact ends the flight: it is reported, and what follows it
-is not looked at. The status is `predicted`; `implausible` where the rows are far from one flight;
-`no_gravity` where none of them fall; `too_few_sightings`; or `not_converged`.
-
-Examples:
-  catchingbot predict --track ball.csv --up y --until 0.4     what was known after 0.4 s?
-  catchingbot predict --track ball.csv --at 0.6 --at 0.7 --json
-  catchingbot learn --tracks throws/ --up y --out gourd.toml
-  catchingbot predict --track new.csv --up y --object gourd.toml")]
+#[command(verbatim_doc_comment)]
 pub struct PredictArguments {
     /// CSV file of the track
     #[arg(long, value_name = "FILE")]
     track: PathBuf,
     /// Axis of the track that points up
-    #[arg(long, value_enum, default_value_t = Up::Z, allow_hyphen_values = true)]
-    up: Up,
+    #[arg(long, value_parser = up(), default_value = "z", allow_hyphen_values = true)]
+    up: Unit<Vector3<f64>>,
     /// Use only what was seen until then, in the track's time
     #[arg(long, value_name = "S", value_parser = number)]
     until: Option<f64>,
@@ -51,41 +55,19 @@ pub struct PredictArguments {
     #[arg(long, value_name = "S", value_parser = number)]
     at: Vec<f64>,
     /// Prior on the object's flights, a file that `learn` wrote
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["drag", "drag_sd"])]
+    #[arg(long, value_name = "FILE")]
     object: Option<PathBuf>,
-    /// Isotropic drag: constant k of a = -k·|v|·v that is expected, in 1/m [default: 0.05 with --drag-sd]
-    #[arg(long, value_name = "K", value_parser = number)]
-    drag: Option<f64>,
-    /// Standard deviation of the constant k, in 1/m; 0: exactly known [default: 0.1]
-    #[arg(long, value_name = "SD", value_parser = number)]
-    drag_sd: Option<f64>,
-    /// Print one JSON document
-    #[arg(long)]
-    json: bool,
 }
 
-/// Axis that points up, in the order of [`axis`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Up {
-    #[value(alias = "+x")]
-    X,
-    #[value(name = "-x")]
-    MinusX,
-    #[value(alias = "+y")]
-    Y,
-    #[value(name = "-y")]
-    MinusY,
-    #[value(alias = "+z")]
-    Z,
-    #[value(name = "-z")]
-    MinusZ,
-}
-
-impl Up {
-    /// Returns the direction as a vector.
-    pub fn direction(self) -> Unit<Vector3<f64>> {
-        Unit::new_unchecked(axis(self as usize))
-    }
+/// Reads the axis that points up.
+pub fn up() -> impl TypedValueParser<Value = Unit<Vector3<f64>>> {
+    // In the order of `axis`.
+    let names = [("x", "+x"), ("-x", "-x"), ("y", "+y"), ("-y", "-y"), ("z", "+z"), ("-z", "-z")];
+    let values = names.map(|(name, signed)| PossibleValue::new(name).alias(signed));
+    PossibleValuesParser::new(values).map(move |given| {
+        let at = names.iter().position(|(name, signed)| [*name, *signed].contains(&given.as_str()));
+        Unit::new_unchecked(axis(at.unwrap_or_default()))
+    })
 }
 
 #[derive(Debug, Serialize)]
@@ -115,21 +97,11 @@ struct Document {
 ///
 /// # Errors
 /// Faults of the arguments and of the track's file.
-pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
+pub fn run(arguments: &PredictArguments, json: bool) -> anyhow::Result<()> {
     for &time_s in arguments.at.iter().chain(&arguments.until) {
         quantity::FINITE.check(COMMAND_LINE, "--at and --until", time_s)?;
     }
-    let prior = arguments.object.as_deref().map(FlightPrior::read).transpose()?;
-    let drag = [("--drag", arguments.drag), ("--drag-sd", arguments.drag_sd)];
-    let known = match prior {
-        Some(prior) => Known::Prior(prior.into()),
-        None if drag.iter().all(|(_, given)| given.is_none()) => Known::Nothing,
-        None => {
-            let [drag, drag_sd] =
-                [0, 1].map(|i| quantity::DRAG_PER_M.check(COMMAND_LINE, drag[i].0, drag[i].1.unwrap_or(DRAG_PER_M[i])));
-            Known::Drag([drag?, drag_sd?])
-        }
-    };
+    let known = arguments.object.as_deref().map(FlightPrior::read).transpose()?.map(Arc::new);
     let (track, end_s) = track_file::read(&arguments.track)?;
     let until_s = arguments.until.unwrap_or(end_s);
     let seen = &track[..track.partition_point(|it| it.time_s <= until_s)];
@@ -139,7 +111,7 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
         return Err(InputError::new(file, "rows", format!("{} until {until_s} s", seen.len()), expected).into());
     }
 
-    let found = flight_prediction::predict(seen, &arguments.up.direction(), known);
+    let found = flight_prediction::predict(seen, &arguments.up, known);
     let flight = found.flight.as_ref();
     let state = |time_s: f64| flight.map(|flight| (time_s, flight.at(time_s)));
     let times = arguments.at.iter().copied().map(|time_s| (time_s, true)).chain([(end_s, false)]);
@@ -164,7 +136,7 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
         end: state(end_s).map(Prediction::of),
         at: arguments.at.iter().filter_map(|&time_s| state(time_s)).map(Prediction::of).collect(),
     };
-    if arguments.json { screen::document(&document) } else { Ok(print(&document)?) }
+    if json { screen::document(&document) } else { Ok(print(&document)?) }
 }
 
 impl Prediction {

@@ -1,26 +1,24 @@
 //! `catchingbot ready`: the best waiting pose for a distribution of throws.
 
 use catch_body::InputError;
-use catch_lab::{
-    reachability::ready::Corridor,
-    scenario::{Scenario, setup::Setup},
-};
+use catch_lab::{reachability::ready::Corridor, scenario::setup::Setup};
 use catch_recording::whole_file::COMMAND_LINE;
 use clap::Args;
-use serde::Serialize;
+use serde_json::json;
 
 use super::{ChoiceArguments, MOST, each_or_default, whole};
 use crate::screen;
 
-/// Arguments of `ready`.
+/// Finds the best waiting pose of an arm for a distribution of throws
+///
+/// What is printed is the line `ready_rad = [..]` for a scenario's file, or for the robot.toml of
+/// an own robot. The search begins at the present pose and keeps it where it finds none that is
+/// better. What the pose is worth is told by as many throws of the next seed, too.
+///
+/// Example:
+///   catchingbot ready --scenario honest --object tennis_ball --object banana --trials 8 --tries 400
 #[derive(Debug, Args)]
-#[command(after_help = "\
-What is printed is the line `ready_rad = [..]` for a scenario's file, or for the robot.toml of
-an own robot. The search begins at the present pose and keeps it where it finds none that is
-better. What the pose is worth is told by as many throws of the next seed, too.
-
-Example:
-  catchingbot ready --scenario honest --object tennis_ball --object banana --trials 8 --tries 400")]
+#[command(verbatim_doc_comment)]
 pub struct ReadyArguments {
     #[command(flatten)]
     choice: ChoiceArguments,
@@ -39,35 +37,13 @@ pub struct ReadyArguments {
     /// Seed of the throws and of the poses
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
     seed: u64,
-    /// Print one JSON document instead of the story
-    #[arg(long)]
-    json: bool,
-}
-
-#[derive(Serialize)]
-struct Answer<'a> {
-    scenario: &'a Scenario,
-    ready_rad: &'a [f64],
-    within_reach: usize,
-    throws: usize,
-    mean_cost: f64,
-    median_travel_rad: f64,
-    /// Result for as many throws that the pose was not chosen for.
-    other_throws: OtherThrows,
-}
-
-#[derive(Serialize)]
-struct OtherThrows {
-    within_reach_by_oracle: usize,
-    within_reach: usize,
-    throws: usize,
 }
 
 /// Searches from the scenario's present pose and prints what it finds.
 ///
 /// # Errors
 /// Faults of the choice, or of writing the answer.
-pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
+pub fn run(arguments: &ReadyArguments, json: bool) -> anyhow::Result<()> {
     let mut setups = Vec::new();
     for object in each_or_default(&arguments.objects) {
         for throw in each_or_default(&arguments.throws) {
@@ -92,23 +68,23 @@ pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
     let corridor = Corridor::new(&setups, arguments.trials, arguments.seed.wrapping_add(1));
     let others = corridor.value(&best.q, f64::INFINITY).expect("the arm can stand where it was found to");
     let within_reach = corridor.within_reach(&best.q);
-    let answer = Answer {
-        scenario: &setups[0].scenario,
-        ready_rad: &best.q.as_slice()[..dof],
-        within_reach: best.caught,
-        throws: best.throws,
-        mean_cost: best.cost,
-        median_travel_rad: best.travel_rad,
-        other_throws: OtherThrows {
-            within_reach_by_oracle: within_reach,
-            within_reach: others.caught,
-            throws: others.throws,
-        },
-    };
-    if arguments.json {
-        return screen::document(&answer);
+    let ready_rad = &best.q.as_slice()[..dof];
+    if json {
+        return screen::document(&json!({
+            "scenario": setups[0].scenario,
+            "ready_rad": ready_rad,
+            "within_reach": best.caught,
+            "throws": best.throws,
+            "mean_cost": best.cost,
+            "median_travel_rad": best.travel_rad,
+            "other_throws": {
+                "within_reach_by_oracle": within_reach,
+                "within_reach": others.caught,
+                "throws": others.throws,
+            },
+        }));
     }
-    let numbers: Vec<String> = answer.ready_rad.iter().map(|value| format!("{value:.3}")).collect();
+    let numbers: Vec<String> = ready_rad.iter().map(|value| format!("{value:.3}")).collect();
     screen::line(&format!("ready_rad = [{}]", numbers.join(", ")))?;
     Ok(screen::line(&format!(
         "# {} of {} throws within reach; median over them of the largest joint's travel to the catch {:.2} rad\n\

@@ -13,18 +13,15 @@ pub struct ReplayArguments {
     /// A recording (*.catch) of a simulated throw or of a real cell
     #[arg(value_name = "RECORDING")]
     recording: PathBuf,
-    /// Print one JSON document
-    #[arg(long)]
-    json: bool,
 }
 
 /// Replays a recording and says whether the commands are the same.
 ///
 /// # Errors
 /// A file that is not a complete recording.
-pub fn run(arguments: &ReplayArguments) -> anyhow::Result<()> {
+pub fn run(arguments: &ReplayArguments, json: bool) -> anyhow::Result<()> {
     let replay = replay::replay(&arguments.recording)?;
-    if arguments.json {
+    if json {
         return screen::json(&replay);
     }
     let Replay { ticks, title, scene, caught, recorded_version, version, .. } = &replay;

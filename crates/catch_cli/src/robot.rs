@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use catch_body::{InputError, JointVector, stated::Assumption};
+use catch_body::{InputError, JointVector};
 use catch_import::robot_import::{ImportOptions, ImportedRobot};
 use catch_lab::{
     reachability::ready::{Corridor, Ready},
@@ -14,7 +14,7 @@ use catch_lab::{
 use catch_recording::whole_file::{self, check_new, unfinished_folder};
 use catch_view::pages::robot_page;
 use clap::{Args, Subcommand};
-use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::{MOST, whole};
 use crate::{number, screen};
@@ -28,23 +28,23 @@ pub struct RobotArguments {
 
 #[derive(Debug, Subcommand)]
 enum RobotCommand {
-    /// Makes a robot from a description that somebody else published
     Import(ImportArguments),
 }
 
-/// Arguments of `robot import`.
+/// Makes a robot from a description that somebody else published
+///
+/// The arm is the serial chain of revolute joints in the description: fixed joints are folded, fingers are
+/// taken off. Capsules are fitted around the shapes of its links, for which meshes are looked for as
+/// `package://` and relative paths say, in the folders above the description. What cameras see of each
+/// link, its mesh for display, is kept in at most 4,000 triangles. Limits in a joint_limits.yaml
+/// beside it only narrow what it states. What no file says is assumed, and marked so in robot.toml, where
+/// `catchingbot check` lists it.
+///
+/// Example:
+///   catchingbot robot import kortex_description/robots/gen3.urdf --out gen3
+///   catchingbot --robot gen3
 #[derive(Debug, Args)]
-#[command(after_help = "\
-The arm is the serial chain of revolute joints in the description: fixed joints are folded, fingers are
-taken off. Capsules are fitted around the shapes of its links, for which meshes are looked for as
-`package://` and relative paths say, in the folders above the description. What cameras see of each
-link, its mesh for display, is kept in at most 4,000 triangles. Limits in a joint_limits.yaml
-beside it only narrow what it states. What no file says is assumed, and marked so in robot.toml, where
-`catchingbot check` lists it.
-
-Example:
-  catchingbot robot import kortex_description/robots/gen3.urdf --out gen3
-  catchingbot --robot gen3")]
+#[command(verbatim_doc_comment)]
 pub struct ImportArguments {
     /// A URDF file
     #[arg(value_name = "FILE")]
@@ -82,9 +82,6 @@ pub struct ImportArguments {
     /// Seed of the throws and of the poses
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
     seed: u64,
-    /// Print one JSON document instead of the story
-    #[arg(long)]
-    json: bool,
 }
 
 /// Throws at an arm by default.
@@ -98,36 +95,11 @@ const MOST_FAULTS: usize = 3;
 /// Poses from which the search may begin.
 const STARTS: usize = 30;
 
-#[derive(Serialize)]
-struct Document {
-    robot: PathBuf,
-    name: String,
-    joints: Vec<String>,
-    flange: String,
-    taken_off: Vec<String>,
-    /// `None` where nothing was taken off.
-    taken_off_reason: Option<String>,
-    left_out: Vec<String>,
-    capsules: usize,
-    unread: Vec<String>,
-    ignored: Vec<String>,
-    assumed: Vec<Assumption>,
-    ready_rad: Vec<f64>,
-    /// `None` if it was not asked for.
-    reach: Option<Reach>,
-}
-
-#[derive(Serialize)]
-struct Reach {
-    within_reach: usize,
-    throws: usize,
-}
-
 /// Imports a robot.
 ///
 /// # Errors
 /// Faults of the description, the options or the folder.
-pub fn run(arguments: &RobotArguments) -> anyhow::Result<()> {
+pub fn run(arguments: &RobotArguments, json: bool) -> anyhow::Result<()> {
     let RobotCommand::Import(arguments) = &arguments.command;
     let out = &arguments.out;
     check_new([out], "--out")?;
@@ -161,7 +133,7 @@ pub fn run(arguments: &RobotArguments) -> anyhow::Result<()> {
     write("robot.toml", imported.draft.toml())?;
     write("capsules.html", page(&imported))?;
     fs::rename(folder, out).map_err(|it| InputError::unwritten(out.display(), &it, "a folder that can be written"))?;
-    tell(arguments, &imported, reach)
+    tell(arguments, &imported, reach, json)
 }
 
 /// The page that shows the capsules over the shapes of the links.
@@ -170,12 +142,12 @@ fn page(imported: &ImportedRobot) -> String {
     robot_page::page(&imported.robot, shapes, imported.coverage())
 }
 
-/// Searches for the best waiting pose, and tries it on other throws.
+/// Searches for the best waiting pose, and tries it on other throws: how many of how many it reaches.
 fn choose_ready_pose(
     arguments: &ImportArguments,
     folder: &Path,
     imported: &mut ImportedRobot,
-) -> anyhow::Result<Reach> {
+) -> anyhow::Result<[usize; 2]> {
     let robot = folder.join("robot.toml").display().to_string();
     let named: Vec<&str> = arguments.throws.iter().map(String::as_str).collect();
     let throws = if named.is_empty() { &THROWS[..] } else { &named };
@@ -208,35 +180,49 @@ fn choose_ready_pose(
     let others = Corridor::new(&setups, TRIED_ON, arguments.seed.wrapping_add(1));
     let at_rest = others.value(&imported.robot.ready_q, f64::INFINITY);
     let throws = setups.len() * TRIED_ON as usize;
-    Ok(Reach { within_reach: at_rest.map_or(0, |it| it.caught), throws })
+    Ok([at_rest.map_or(0, |it| it.caught), throws])
+}
+
+/// The robot as one document.
+fn document(
+    arguments: &ImportArguments,
+    imported: &ImportedRobot,
+    unread: &[String],
+    reach: Option<[usize; 2]>,
+) -> Value {
+    let (chain, robot) = (&imported.draft.chain, &imported.robot);
+    let fingers = chain.fingers.as_ref();
+    json!({
+        "robot": arguments.out.to_string_lossy(),
+        "name": robot.name,
+        "joints": robot.joints.iter().map(|it| &it.name).collect::<Vec<_>>(),
+        "flange": chain.flange,
+        "taken_off": fingers.map_or(&[][..], |it| &it.links),
+        "taken_off_reason": fingers.map(|it| &it.reason),
+        "left_out": chain.left_out,
+        "capsules": robot.capsules.len(),
+        "unread": unread,
+        "ignored": imported.ignored,
+        "assumed": imported.assumptions(),
+        "ready_rad": robot.ready_q.as_slice()[..robot.dof()],
+        "reach": reach.map(|[within_reach, throws]| json!({ "within_reach": within_reach, "throws": throws })),
+    })
 }
 
 /// Says what was made, and what to do next.
-fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Reach>) -> anyhow::Result<()> {
+fn tell(
+    arguments: &ImportArguments,
+    imported: &ImportedRobot,
+    reach: Option<[usize; 2]>,
+    json: bool,
+) -> anyhow::Result<()> {
     let chain = &imported.draft.chain;
     let robot = &imported.robot;
-    let assumed = imported.assumptions();
     let mut unread: Vec<String> =
         imported.draft.shapes.iter().flat_map(|it| &it.unread).map(ToString::to_string).collect();
     unread.dedup();
-    let (taken_off, reason) = chain.fingers.clone().map(|it| (it.links, it.reason)).unzip();
-    let taken_off = taken_off.unwrap_or_default();
-    if arguments.json {
-        return screen::document(&Document {
-            robot: arguments.out.clone(),
-            name: robot.name.clone(),
-            joints: robot.joints.iter().map(|it| it.name.clone()).collect(),
-            flange: chain.flange.clone(),
-            taken_off,
-            taken_off_reason: reason,
-            left_out: chain.left_out.clone(),
-            capsules: robot.capsules.len(),
-            unread,
-            ignored: imported.ignored.clone(),
-            assumed,
-            ready_rad: robot.ready_q.iter().take(robot.dof()).copied().collect(),
-            reach,
-        });
+    if json {
+        return screen::document(&document(arguments, imported, &unread, reach));
     }
     let arm = format!("{}: {} joints from {} to {}", robot.name, robot.dof(), chain.base.links[0], chain.flange);
     screen::fact("arm", &arm)?;
@@ -245,8 +231,8 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
             format!("{}: balls are caught with the hand turned as it can be, few throws of other objects", robot.dof());
         screen::fact("few joints", &few)?;
     }
-    if let Some(reason) = reason {
-        screen::fact("taken off", &format!("{} ({reason})", taken_off.join(", ")))?;
+    if let Some(it) = &chain.fingers {
+        screen::fact("taken off", &format!("{} ({})", it.links.join(", "), it.reason))?;
     }
     if !chain.left_out.is_empty() {
         screen::fact("left out", &format!("what moves on its own: {}", chain.left_out.join(", ")))?;
@@ -263,9 +249,9 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
     if !imported.ignored.is_empty() {
         screen::fact("ignored", &imported.ignored.join(", "))?;
     }
-    screen::fact("assumed", &format!("{} values that no file says", assumed.len()))?;
+    screen::fact("assumed", &format!("{} values that no file says", imported.assumptions().len()))?;
     let not_searched = "not searched: until `catchingbot ready` finds one, few throws are caught".to_owned();
-    let pose = reach.map_or(not_searched, |it| format!("reaches {} of {} other throws", it.within_reach, it.throws));
+    let pose = reach.map_or(not_searched, |[within, of]| format!("reaches {within} of {of} other throws"));
     screen::fact("waiting pose", &pose)?;
     let out = arguments.out.to_string_lossy();
     screen::fact("written", &out)?;

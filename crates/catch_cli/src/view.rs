@@ -16,7 +16,7 @@ use catch_view::{
     pages::{catch_page, pair_page},
     playback::Playback,
 };
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 use crate::{compare, opening, screen};
 
@@ -33,20 +33,8 @@ pub struct ViewArguments {
     /// Folder for what is written [default: beside the recording; of a comparison out/compared]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print a comparison as one JSON document, and open no browser
-    #[arg(long)]
-    json: bool,
     #[command(flatten)]
     files: FileArguments,
-}
-
-/// Depth images of an MCAP file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum ImagesArgument {
-    /// As many as fit into 3 MB
-    Some,
-    /// All
-    All,
 }
 
 /// Further files that are written beside a recording.
@@ -56,8 +44,8 @@ pub struct FileArguments {
     #[arg(long)]
     gif: bool,
     /// Write an MCAP file for Foxglove or Rerun; it has as many depth images as fit into 3 MB, or all of them
-    #[arg(long, value_name = "IMAGES", num_args = 0..=1, require_equals = true, default_missing_value = "some")]
-    mcap: Option<ImagesArgument>,
+    #[arg(long, value_name = "IMAGES", num_args = 0..=1, require_equals = true, default_missing_value = "some", value_parser = ["some", "all"])]
+    mcap: Option<String>,
 }
 
 impl FileArguments {
@@ -94,8 +82,8 @@ impl FileArguments {
         if self.gif {
             write("picture", "gif", &catch_view::export::gif_picture::gif(playback)?)?;
         }
-        if let Some(images) = self.mcap {
-            let images = if images == ImagesArgument::All { Images::All } else { Images::Some };
+        if let Some(images) = &self.mcap {
+            let images = if images == "all" { Images::All } else { Images::Some };
             let (content, images_every) = mcap_file::mcap(playback, images)?;
             write("mcap", "mcap", &content)?;
             if images_every > 1 {
@@ -112,18 +100,18 @@ impl FileArguments {
 ///
 /// # Errors
 /// A file that is neither a complete recording nor a page; a page that cannot be written.
-pub fn run(arguments: &ViewArguments) -> anyhow::Result<()> {
+pub fn run(arguments: &ViewArguments, json: bool) -> anyhow::Result<()> {
     arguments.files.check()?;
     let page = match &arguments.file[..] {
         [a, b] if results::is_in(a) && results::is_in(b) => {
             let folder = arguments.out.as_deref().unwrap_or(Path::new(compare::FOLDER));
-            let page = compare::run([a, b], folder, arguments.json)?;
-            if arguments.json {
+            let page = compare::run([a, b], folder, json)?;
+            if json {
                 return Ok(());
             }
             page
         }
-        _ if arguments.json => {
+        _ if json => {
             let found = "no two folders of results";
             return Err(InputError::new(COMMAND_LINE, "--json", found, "two evaluations to compare").into());
         }

@@ -309,9 +309,14 @@ pub fn built_in_files(folder: &str) -> Vec<(String, &'static [u8])> {
 /// The error for a name that means nothing: what there is, and what was probably meant.
 fn unknown(kind: Kind, name: &str, (file, field): (&str, &str)) -> InputError {
     let names = kind.names();
-    let hint = nearest(name, &names).map(|it| format!(" (did you mean `{it}`?)")).unwrap_or_default();
+    let hint = did_you_mean(nearest(name, &names));
     let expected = format!("one of {}, or the path of {} file{hint}", names.join(", "), kind.with_article());
     InputError::new(file, field, format!("`{name}`"), expected)
+}
+
+/// Addition to what an error expects, where something else was probably meant.
+pub fn did_you_mean(meant: Option<&str>) -> String {
+    meant.map_or_else(String::new, |it| format!(" (did you mean `{it}`?)"))
 }
 
 /// The candidate that is spelt most like `name`, if any comes near.

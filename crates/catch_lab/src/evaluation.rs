@@ -8,10 +8,7 @@ pub mod results;
 pub mod summary_table;
 pub mod trial_table;
 
-use std::{
-    fmt::{self, Write},
-    sync::Arc,
-};
+use std::{fmt::Debug, sync::Arc};
 
 use catch_body::InputError;
 use serde::{Deserialize, Serialize};
@@ -36,44 +33,13 @@ pub use crate::referee::Row;
 /// started.
 pub const MOST_THREADS: usize = 1024;
 
-/// Makes a brain for each trial: of a setup, for a seed and the number of the throw.
-#[derive(Clone)]
-pub struct BrainFactory(Arc<MakeBrain>);
-
-type MakeBrain = dyn Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync;
-
-impl BrainFactory {
-    /// Creates a factory from a function of setup, seed and number of the throw.
-    pub fn new(make: impl Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync + 'static) -> Self {
-        Self(Arc::new(make))
-    }
-
-    /// A brain that has seen nothing yet.
-    pub fn make(&self, setup: &Setup, seed: u64, index: u64) -> Box<dyn ObservedBrain> {
-        (self.0)(setup, seed, index)
-    }
-}
-
-impl Default for BrainFactory {
-    /// The brain of the scenario.
-    fn default() -> Self {
-        Self::new(|setup, seed, index| Box::new(setup.brain(seed, index)))
-    }
-}
-
-impl fmt::Debug for BrainFactory {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("BrainFactory")
-    }
-}
+/// Makes a brain that has seen nothing yet for each trial: of a setup, for a seed and the number of the throw.
+pub type BrainFactory = Arc<dyn Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync>;
 
 /// One object with one throw, many times.
-#[derive(Debug)]
 pub struct Cell {
     /// All that its trials share.
     pub setup: Setup,
-    /// True if every trial has the same throw under the same conditions.
-    pub throw_is_fixed: bool,
     /// Factory of the brain that catches.
     pub brain: BrainFactory,
 }
@@ -81,13 +47,7 @@ pub struct Cell {
 impl Cell {
     /// A cell of trials that share a setup, with the brain of its scenario.
     pub fn new(setup: Setup) -> Self {
-        Self::with_brain(setup, BrainFactory::default())
-    }
-
-    /// Creates a cell with any brain.
-    pub fn with_brain(setup: Setup, brain: BrainFactory) -> Self {
-        let throw_is_fixed = setup.repeats_itself();
-        Self { setup, throw_is_fixed, brain }
+        Self { setup, brain: Arc::new(|setup, seed, index| Box::new(setup.brain(seed, index))) }
     }
 }
 
@@ -101,7 +61,6 @@ pub fn row(setup: &Setup, seed: u64, index: u64, mut verdict: Verdict) -> Row {
 
 /// Evaluation: cells, seed and range of trials. Trials are numbered throw by throw: first the first throw in
 /// all cells, then the second.
-#[derive(Debug)]
 pub struct Evaluation {
     /// Objects with their throws.
     pub cells: Vec<Cell>,
@@ -154,17 +113,8 @@ impl Checksums {
     }
 }
 
-fn checksum(content: &dyn fmt::Debug) -> u32 {
-    struct Sink(crc32fast::Hasher);
-    impl fmt::Write for Sink {
-        fn write_str(&mut self, text: &str) -> fmt::Result {
-            self.0.update(text.as_bytes());
-            Ok(())
-        }
-    }
-    let mut sink = Sink(crc32fast::Hasher::new());
-    let _ = write!(sink, "{content:?}");
-    sink.0.finalize()
+fn checksum(content: &dyn Debug) -> u32 {
+    crc32fast::hash(format!("{content:?}").as_bytes())
 }
 
 impl Identity {
@@ -194,19 +144,14 @@ impl Evaluation {
             seed: self.seed,
             first: self.first,
             cells: self.cells.iter().map(|cell| cell.setup.scenario.clone()).collect(),
-            throws_are_fixed: self.cells.iter().map(|cell| cell.throw_is_fixed).collect(),
+            throws_are_fixed: self.cells.iter().map(|cell| cell.setup.repeats_itself()).collect(),
             checksums: self.cells.iter().map(|cell| Checksums::of(&cell.setup)).collect(),
         }
     }
 
     /// Number of trials in all cells.
-    pub fn len(&self) -> usize {
+    pub fn total(&self) -> usize {
         self.cells.len() * self.trials as usize
-    }
-
-    /// Returns whether there are no trials.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// The cell and the number of the throw of trial number `job`.
@@ -216,7 +161,7 @@ impl Evaluation {
 
     /// Checks that all trials from number `from` on can be thrown.
     fn check_throws(&self, from: usize) -> Result<(), InputError> {
-        (from..self.len()).try_for_each(|job| {
+        (from..self.total()).try_for_each(|job| {
             let (cell, index) = self.job(job);
             cell.setup.check_throw(self.seed, index)
         })
@@ -224,7 +169,7 @@ impl Evaluation {
 
     fn trial(&self, job: usize) -> (Row, Stopwatch) {
         let (cell, index) = self.job(job);
-        let mut brain = cell.brain.make(&cell.setup, self.seed, index);
+        let mut brain = (cell.brain)(&cell.setup, self.seed, index);
         let trial = trial::run_unobserved(&mut *brain, &cell.setup, self.seed, index);
         (row(&cell.setup, self.seed, index, referee::judge(&cell.setup, &trial)), trial.stopwatch)
     }
@@ -243,6 +188,6 @@ impl Evaluation {
     ) -> Result<(), InputError> {
         self.check_throws(from)?;
         let threads = threads.min(MOST_THREADS);
-        parallel::in_order(threads, from..self.len(), |job| self.trial(job), &mut |(row, times)| row_done(row, times))
+        parallel::in_order(threads, from..self.total(), |job| self.trial(job), &mut |(row, times)| row_done(row, times))
     }
 }

@@ -3,19 +3,7 @@
 use std::io::Cursor;
 
 use catch_body::InputError;
-use png::{BitDepth, ColorType, Decoder, Encoder};
-
-/// An image of `width` times `height` values, row by row.
-pub fn gray16(width: u32, height: u32, values: &[u16]) -> Vec<u8> {
-    let mut file = Vec::new();
-    let mut encoder = Encoder::new(&mut file, width, height);
-    encoder.set_color(ColorType::Grayscale);
-    encoder.set_depth(BitDepth::Sixteen);
-    let bytes: Vec<u8> = values.iter().flat_map(|it| it.to_be_bytes()).collect();
-    // Writing to memory cannot fail.
-    let _ = encoder.write_header().and_then(|mut writer| writer.write_image_data(&bytes));
-    file
-}
+use png::{BitDepth, ColorType, Decoder};
 
 /// The values of an image of `width` times `height`, row by row; `file` names it in errors.
 ///
@@ -44,13 +32,18 @@ pub fn gray16_values(file: &str, bytes: &[u8], [width, height]: [u32; 2]) -> Res
 #[cfg(test)]
 mod tests {
     use super::*;
+    use png::Encoder;
 
     /// A gradient of 5 × 5 pixels, each row with another filter, in two chunks. Pillow 12 reads these values.
     const ALL_FILTERS: &[u8] = include_bytes!("png/filters.png");
 
-    #[test]
-    fn what_is_written_is_read() {
-        assert_eq!(gray16_values("a.png", &gray16(2, 1, &[1, 0x0203]), [2, 1]).unwrap(), [1, 0x0203]);
+    fn encoded([width, height]: [u32; 2], color: ColorType, depth: BitDepth, bytes: &[u8]) -> Vec<u8> {
+        let mut file = Vec::new();
+        let mut encoder = Encoder::new(&mut file, width, height);
+        encoder.set_color(color);
+        encoder.set_depth(depth);
+        encoder.write_header().unwrap().write_image_data(bytes).unwrap();
+        file
     }
 
     #[test]
@@ -61,24 +54,18 @@ mod tests {
 
     #[test]
     fn broken_images_are_named() {
-        let whole = gray16(3, 2, &[1, 2, 3, 4, 5, 6]);
-        let encoded = |color: ColorType, depth: BitDepth, bytes: &[u8]| {
-            let mut file = Vec::new();
-            let mut encoder = Encoder::new(&mut file, 3, 2);
-            encoder.set_color(color);
-            encoder.set_depth(depth);
-            encoder.write_header().unwrap().write_image_data(bytes).unwrap();
-            file
-        };
+        let gray = (ColorType::Grayscale, BitDepth::Sixteen);
+        let whole = encoded([3, 2], gray.0, gray.1, &[0, 1, 0, 2, 0, 3, 0, 4, 0, 5, 6, 7]);
+        assert_eq!(gray16_values("a.png", &whole, [3, 2]).unwrap(), [1, 2, 3, 4, 5, 0x0607]);
         let mut flipped = whole.clone();
         flipped[45] ^= 1;
         for (bytes, expected) in [
             (b"BM".to_vec(), "a.png: image: found "),
             (whole[..45].to_vec(), "a.png: image: found "),
             (flipped, "a.png: image: found "),
-            (gray16(4, 2, &[0; 8]), "size: found 4 × 2 pixels, expected the camera's 3 × 2"),
-            (encoded(ColorType::Grayscale, BitDepth::Eight, &[0; 6]), "kind: found Grayscale, 8 bits"),
-            (encoded(ColorType::Rgb, BitDepth::Sixteen, &[0; 36]), "kind: found Rgb, 16 bits"),
+            (encoded([4, 2], gray.0, gray.1, &[0; 16]), "size: found 4 × 2 pixels, expected the camera's 3 × 2"),
+            (encoded([3, 2], ColorType::Grayscale, BitDepth::Eight, &[0; 6]), "kind: found Grayscale, 8 bits"),
+            (encoded([3, 2], ColorType::Rgb, BitDepth::Sixteen, &[0; 36]), "kind: found Rgb, 16 bits"),
         ] {
             let fault = gray16_values("a.png", &bytes, [3, 2]).unwrap_err().to_string();
             assert!(fault.contains(expected), "{fault}");

@@ -19,7 +19,7 @@ use crate::{
     scenario::setup::{Scene, Setup},
     trial::{StateSnapshot, Trial},
 };
-use counted::Counted;
+use counted::{CODE_DISTANCE_M, HELD_LATER_S, PAPER_DISTANCE_M, distance_along_z_m, is_held_at};
 use impact::impact;
 pub use measures::{LEADS_S, Measures};
 use reason::Reason;
@@ -99,12 +99,13 @@ pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
     let evidence = Evidence::new(setup, trial, contact_s);
     let reason = reason::why_not_caught(&evidence);
     let servo = &truth.servo;
-    let published = Counted::of(truth, &setup.object.origin_O);
+    let distance_m = distance_along_z_m(truth, &setup.object.origin_O);
+    let is_within = |most_m: f64| distance_m.is_some_and(|distance_m| distance_m < most_m);
     Verdict {
         caught: reason.is_none(),
-        caught_paper: published.is_within_text,
-        caught_paper_code: published.is_within_code,
-        held_later: published.is_held_later,
+        caught_paper: is_within(PAPER_DISTANCE_M),
+        caught_paper_code: is_within(CODE_DISTANCE_M),
+        held_later: is_held_at(truth, HELD_LATER_S),
         caught_beyond_limits: reason::why_not_held(&evidence).is_none(),
         reason,
         reach: None,

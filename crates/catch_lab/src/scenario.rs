@@ -10,7 +10,7 @@ use catch_body::{Gripper, InputError, quantity, robot::LimitScale};
 use catch_sim::{ArenaConfig, GripperDriveKind};
 use serde::{Deserialize, Serialize};
 
-use crate::assets::{Asset, Kind, nearest};
+use crate::assets::{Asset, Kind, did_you_mean, nearest};
 use catch_recording::{brain::BrainSettings, whole_file::COMMAND_LINE};
 
 /// Time that the computation of a command costs.
@@ -165,51 +165,18 @@ impl Scenario {
             // A value that is no TOML is meant as text.
             let value = InputError::toml_table(&format!("value = {text}")).ok();
             let value = value.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.trim().into());
-            self = self.with_field(path, Some(value), &fault)?;
+            let mut tree = toml::Table::try_from(&self).map_err(|it| fault(it.to_string()))?;
+            let hint = hint(path, &tree);
+            add_optional_tables(path, &mut tree);
+            let (table, field) = parent(path, &mut tree, &hint, &fault)?;
+            table.insert(field.to_owned(), value);
+            depth_errors::fill_in(&mut tree, COMMAND_LINE)?;
+            let changed = InputError::from_table(COMMAND_LINE, tree)
+                .map_err(|it| InputError { expected: format!("{}{hint}", it.expected), ..it })?;
+            self = InputError::without_faults(changed)?;
             self.name = format!("{}+{}", self.name, setting.replace(' ', ""));
         }
         self.faults(COMMAND_LINE).into_iter().next().map_or(Ok(self), Err)
-    }
-
-    /// Returns this scenario with one field changed, or left out where there is no value; consistency with
-    /// the other fields is not checked. `fault` makes an error of what would be right.
-    ///
-    /// # Errors
-    /// A field that there is not, or a value that it cannot have.
-    pub fn with_field(
-        self,
-        path: &str,
-        value: Option<toml::Value>,
-        fault: &dyn Fn(String) -> InputError,
-    ) -> Result<Self, InputError> {
-        let mut tree = toml::Table::try_from(&self).map_err(|it| fault(it.to_string()))?;
-        let hint = hint(path, &tree);
-        add_optional_tables(path, &mut tree);
-        let (table, field) = parent(path, &mut tree, &hint, fault)?;
-        match value {
-            Some(value) => table.insert(field.to_owned(), value),
-            None => table.remove(field),
-        };
-        let file = fault(String::new()).file;
-        depth_errors::fill_in(&mut tree, &file)?;
-        let changed = InputError::from_table(&file, tree)
-            .map_err(|it| InputError { expected: format!("{}{hint}", it.expected), ..it })?;
-        InputError::without_faults(changed)
-    }
-
-    /// The value of a field; `None` where it is left out.
-    ///
-    /// # Errors
-    /// A field of a table that there is not, or one that is like another.
-    pub fn field(&self, path: &str, fault: &dyn Fn(String) -> InputError) -> Result<Option<toml::Value>, InputError> {
-        let mut tree = toml::Table::try_from(self).map_err(|it| fault(it.to_string()))?;
-        let hint = hint(path, &tree);
-        let (table, field) = parent(path, &mut tree, &hint, fault)?;
-        let value = table.remove(field);
-        if value.is_none() && !hint.is_empty() {
-            return Err(fault(format!("a field of the scenario{hint}")));
-        }
-        Ok(value)
     }
 
     /// Checks that the brain expects fingers that are no faster than those of a gripper with limits.
@@ -294,7 +261,7 @@ fn parent<'a, 'b>(
 
 /// Addition to an error about a path, where another one is probably meant.
 fn hint(path: &str, tree: &toml::Table) -> String {
-    field_meant(path.trim(), tree).map(|it| format!(" (did you mean `{it}`?)")).unwrap_or_default()
+    did_you_mean(field_meant(path.trim(), tree).as_deref())
 }
 
 /// The field that is probably meant by the path of one that there is not: spelt alike, or of the same name

@@ -1,4 +1,4 @@
-//! Planning a catch whose time and pose are given: cold and after a small change.
+//! Planning a catch whose time and pose are given.
 //!
 //! `cargo bench -p catch_paper`. `catchingbot plan` measures files of such catches the same way.
 
@@ -12,7 +12,7 @@ use catch_paper::posed::{PosedPlanner, Target};
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-/// Case 0 of `planner_cases.json`, and the same 5 mm aside.
+/// Case 0 of `planner_cases.json`.
 fn given_pose(criterion: &mut Criterion) {
     let planner = PosedPlanner::new(arm::planner(|config| {
         (config.position_margin_rad, config.velocity_scaling, config.torque_scaling) = (0.0, 1.0, 1.0);
@@ -35,12 +35,7 @@ fn given_pose(criterion: &mut Criterion) {
         X_WG: Pose::from_parts(Translation3::new(-0.167683398, 0.467489732, 0.914942251), R_WG),
         v_WO: Vector3::new(3.577366542, -0.548760695, -1.560066398),
     };
-    let plan = planner.catch_at(&start, &target).unwrap();
-    let mut aside = target;
-    aside.X_WG.translation.vector.x += 5e-3;
     criterion.bench_function("given_pose/cold", |bencher| bencher.iter(|| planner.catch_at(&start, &target)));
-    criterion
-        .bench_function("given_pose/5 mm aside", |bencher| bencher.iter(|| planner.retarget_at(&start, &aside, &plan)));
 }
 
 criterion_group!(benches, given_pose);

@@ -126,25 +126,6 @@ impl PosedPlanner {
         }
     }
 
-    /// Adjusts a catch to a target that has moved a little: the elbow stays where it is.
-    pub fn retarget_at(
-        &self,
-        start: &Start,
-        target: &Target,
-        known: &PosedCatch,
-    ) -> Result<PosedCatch, PlanningFailure> {
-        let task = self.task(start, target);
-        let adjusted = self.motion.finder.adjusted(&self.motion.robot, &target.X_WG, &known.posture, 0.0);
-        let found = adjusted
-            .filter(|it| task.reach_fraction(&it.q) <= 1.0)
-            .and_then(|posture| task.easily(&posture).or_else(|| task.solve(&posture, -1.0)));
-        let close = |it: &PosedCatch| it.speed_fraction >= known.speed_fraction * 0.98;
-        match found.filter(close) {
-            Some(found) => Ok(found),
-            None => self.catch_at(start, target),
-        }
-    }
-
     fn task<'a>(&'a self, start: &'a Start, target: &'a Target) -> Task<'a> {
         // Nothing is held back for replans.
         let scaling = LimitScaling { velocity: self.motion.config.velocity_scaling, acceleration: 1.0 - ROUNDING };

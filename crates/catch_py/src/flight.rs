@@ -4,7 +4,7 @@ use catch_body::quantity;
 use catch_bot::trajectory_prediction::FlightTrajectory;
 use catch_lab::flights::{
     flight::{self, FlightState},
-    flight_prediction::{self, Known},
+    flight_prediction,
     stretches::axis,
     track_file::Sighting,
 };
@@ -54,7 +54,6 @@ impl Flight {
             Kind::Brain(flight) => FlightState {
                 position: flight.pose_at(time_s).translation.vector.into(),
                 velocity: flight.twist_at(time_s).linear,
-                orientation: flight.pose_at(time_s).rotation,
                 covariance: flight.covariance_at(time_s),
             },
         }
@@ -167,31 +166,21 @@ impl Flight {
 }
 
 /// The flight through a track: `t` in seconds, `p` in metres (n×3), orientations `q` as x, y, z, w (n×4).
-/// `up` is the axis that points up; `drag` is a known constant of isotropic drag in 1/m with its standard
-/// deviation.
+/// `up` is the axis that points up.
 #[pyfunction]
-#[pyo3(signature = (t, p, q=None, up="z", drag=None))]
+#[pyo3(signature = (t, p, q=None, up="z"))]
 pub fn predict(
     py: Python<'_>,
     t: &Bound<'_, PyAny>,
     p: &Bound<'_, PyAny>,
     q: Option<&Bound<'_, PyAny>>,
     up: &str,
-    drag: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Flight> {
     let seen = sightings(t, p, q)?;
     let axes = ["x", "-x", "y", "-y", "z", "-z"];
     let named = axes.iter().position(|it| *it == up);
     let direction = named.ok_or_else(|| fault("up", format!("'{up}'"), "one of 'x', 'y', 'z', '-x', '-y', '-z'"))?;
-    let known = match drag {
-        None => Known::Nothing,
-        Some(drag) => {
-            let values = Numbers::read("drag", drag, &[2])?.values;
-            let check = |i: usize| quantity::DRAG_PER_M.check("drag", ["k", "sd"][i], values[i]).map_err(input_fault);
-            Known::Drag([check(0)?, check(1)?])
-        }
-    };
-    let found = py.detach(|| flight_prediction::predict(&seen, &Unit::new_unchecked(axis(direction)), known));
+    let found = py.detach(|| flight_prediction::predict(&seen, &Unit::new_unchecked(axis(direction)), None));
     let Some(flight) = found.flight else {
         let why = name_of(found.status);
         return Err(NoFlight::new_err(format!(

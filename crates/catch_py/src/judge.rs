@@ -1,7 +1,7 @@
 //! The referee's rule for any cell whose truth is known.
 
 use catch_body::Pose;
-use catch_lab::referee::cell_samples::{CellSample, why_not_held};
+use catch_lab::referee::cell_samples::{Contact, TruthSample, why_not_held};
 use catch_recording::name_of;
 use pyo3::{exceptions::PyTypeError, prelude::*, types::PyDict};
 
@@ -48,17 +48,19 @@ pub fn judge(
     let (grippers, objects) = (poses("X_WG", &grippers)?, poses("X_WO", &objects)?);
     let sample = |i: usize| {
         let touches = |part: usize| contacts[6 * i + part] != 0.0;
-        CellSample {
+        let [left_finger, right_finger, palm, arm, floor, obstacle] = std::array::from_fn(touches);
+        TruthSample {
             time_s: times[i],
             X_WG: grippers[i],
             X_WO: objects[i],
             width_m: widths[i],
             commanded_width_m: commanded[i],
             dq: joint_vector(&speeds.values[i * dof..(i + 1) * dof]),
-            touches: std::array::from_fn(touches),
+            contact: Contact { left_finger, right_finger, palm, arm, floor, obstacle, peak_impulse_ns: 0.0 },
+            ..TruthSample::default()
         }
     };
-    let samples: Vec<CellSample> = (0..times.len()).map(sample).collect();
+    let samples = (0..times.len()).map(sample).collect();
     let disturbed_since_s = disturbed_since_s.map(|it| number("disturbed_since_s", it)).transpose()?;
-    Ok(py.detach(|| why_not_held(&samples, disturbed_since_s)).map(name_of))
+    Ok(py.detach(|| why_not_held(samples, disturbed_since_s)).map(name_of))
 }

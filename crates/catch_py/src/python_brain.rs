@@ -116,7 +116,7 @@ impl Made {
 
 /// Returns a factory for the lab's evaluations, for an arm with `dof` joints.
 pub fn factory(maker: Maker, dof: usize) -> BrainFactory {
-    BrainFactory::new(move |_, seed, index| Box::new(PythonBrain { made: maker.make(seed, index), dof, report: None }))
+    Arc::new(move |_, seed, index| Box::new(PythonBrain { made: maker.make(seed, index), dof, report: None }))
 }
 
 /// One brain.

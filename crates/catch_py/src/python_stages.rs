@@ -26,7 +26,7 @@ use crate::{
 
 /// Brains of the scenario, but for stages that are made in Python.
 pub fn factory(predictor: Option<Maker>, planner: Option<Maker>) -> BrainFactory {
-    BrainFactory::new(move |setup, seed, index| {
+    Arc::new(move |setup, seed, index| {
         let (known, settings) = (setup.known_for(seed), setup.brain_config(seed));
         let (estimator, ours, planning) = settings.stages(&known, setup.brain_seed(seed, index));
         let predictor: Box<dyn FlightPredictor> = match &predictor {

@@ -6,7 +6,7 @@ use catch_body::JointVector;
 use catch_bot::trajectory_optimization::Start;
 use catch_cell::Setpoint;
 use catch_lab::{
-    evaluation::{BrainFactory, Cell, Evaluation},
+    evaluation::{Cell, Evaluation},
     parallel,
     scenario::{
         catch_plan,
@@ -248,14 +248,15 @@ impl Setup {
         };
         let (predictor, planner) = (maker(["predictor", "predict"], predictor), maker(["planner", "plan"], planner));
         let lab = &slf.get().lab;
-        let brain = match maker(["brain", "tick"], brain) {
-            Some(maker) => python_brain::factory(maker, lab.robot.dof()),
-            None if predictor.is_some() || planner.is_some() => python_stages::factory(predictor, planner),
-            None => BrainFactory::default(),
-        };
         // Clones keep what has been prepared.
         py.detach(|| lab.prepare());
-        let evaluation = Evaluation { cells: vec![Cell::with_brain(lab.as_ref().clone(), brain)], seed, first, trials };
+        let mut cell = Cell::new(lab.as_ref().clone());
+        if let Some(maker) = maker(["brain", "tick"], brain) {
+            cell.brain = python_brain::factory(maker, lab.robot.dof());
+        } else if predictor.is_some() || planner.is_some() {
+            cell.brain = python_stages::factory(predictor, planner);
+        }
+        let evaluation = Evaluation { cells: vec![cell], seed, first, trials };
         let threads = threads.map_or_else(parallel::threads, |it| it as usize);
         evaluate(py, &evaluation, threads, &python, progress.map(Bound::unbind).as_ref())
     }

@@ -67,8 +67,6 @@ def test_flights():
     raises("q", cb.predict, T, P, np.ones((8, 4)))
     raises("q", cb.predict, T, P, np.ones((8, 3)))
     raises("up", cb.predict, T, P, up="w")
-    raises("drag", cb.predict, T, P, drag=[-1, 0])
-    raises("drag", cb.predict, T, P, drag=0.1)
     raises("t", flight.at, float("nan"))
     raises("t", flight.at, "now")
     raises("t", flight.at, np.zeros((2, 2)))

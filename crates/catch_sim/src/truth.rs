@@ -42,7 +42,7 @@ impl From<&ServoReport> for PeakRatios {
 
 /// The state at one instant, and the forces of the step that led to it.
 #[quantity::checked]
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct TruthSample {
     /// Time of the sample, in seconds on the cell's clock; in a trial that begins at the release.
     pub time_s: quantity::clock_s,

@@ -4,7 +4,7 @@ use std::{fs, path::Path};
 
 use catch_body::TriangleMesh;
 use catch_cell::{reference_scan, rig_from_toml};
-use catch_lab::png;
+use png::{BitDepth, ColorType, Encoder};
 
 /// Twelve cameras around the origin.
 pub const RIG: &str = "\
@@ -32,6 +32,17 @@ pub fn write(folder: &Path, mesh: &TriangleMesh) {
             let (column, row) = (i as u32 % window.width, i as u32 / window.width);
             depths[((window.top + row) * width + window.left + column) as usize] = (1e3 * depth_m).round() as u16;
         }
-        fs::write(folder.join(format!("depth_{}.png", frame.camera)), png::gray16(width, height, &depths)).unwrap();
+        fs::write(folder.join(format!("depth_{}.png", frame.camera)), gray16(width, height, &depths)).unwrap();
     }
+}
+
+/// A PNG image with one channel of 16 bits.
+pub fn gray16(width: u32, height: u32, values: &[u16]) -> Vec<u8> {
+    let mut file = Vec::new();
+    let mut encoder = Encoder::new(&mut file, width, height);
+    encoder.set_color(ColorType::Grayscale);
+    encoder.set_depth(BitDepth::Sixteen);
+    let bytes: Vec<u8> = values.iter().flat_map(|it| it.to_be_bytes()).collect();
+    encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
+    file
 }

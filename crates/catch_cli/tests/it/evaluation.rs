@@ -13,7 +13,7 @@ use serde_json::Value;
 use crate::{catchingbot, skipped_without, stderr, stdout};
 
 /// Files of an evaluation that are promised byte for byte.
-const FILES: [&str; 5] = ["evaluation.toml", "trials.jsonl", "trials.csv", "trials.parquet", "table.md"];
+const FILES: [&str; 4] = ["evaluation.toml", "trials.jsonl", "trials.csv", "trials.parquet"];
 const FIXED: [&str; 8] =
     ["eval", "--json", "--object", "tennis_ball", "--object", "pill_bottle", "--throw", "near_sampled"];
 

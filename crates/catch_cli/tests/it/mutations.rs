@@ -301,7 +301,7 @@ fn loads() -> BTreeMap<String, Load<'static>> {
             }),
         );
     }
-    let image = png::gray16(5, 4, &(0..20).map(|it| it * 77).collect::<Vec<u16>>());
+    let image = crate::depth_scan::gray16(5, 4, &(0..20).map(|it| it * 77).collect::<Vec<u16>>());
     add("PNG", Box::new(move |it| png::gray16_values("a.png", &it.bytes(&image), [5, 4]).map(drop)));
     let track: String =
         (0..40).map(|i| format!("{},{},0.1,{}\n", 0.01 * f64::from(i), 0.02 * f64::from(i), 1.0)).collect();

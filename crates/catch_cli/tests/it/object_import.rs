@@ -313,7 +313,7 @@ fn depth_images_become_an_object() {
     let image = fs::read(source.join("depth_3.png")).unwrap();
     fs::write(source.join("depth_3.png"), &image[..100]).unwrap();
     refused("depth_3.png: image: found unexpected end of file");
-    fs::write(source.join("depth_3.png"), png::gray16(2, 2, &[1; 4])).unwrap();
+    fs::write(source.join("depth_3.png"), depth_scan::gray16(2, 2, &[1; 4])).unwrap();
     refused("depth_3.png: size: found 2 × 2 pixels, expected the camera's 320 × 240");
     fs::remove_file(source.join("depth_3.png")).unwrap();
     refused("images: found 11 PNG files, expected 12");
@@ -332,7 +332,7 @@ fn depth_images_become_an_object() {
     for i in 0..12 {
         let path = source.join(format!("depth_{i}.png"));
         let depths = png::gray16_values("", &fs::read(&path).unwrap(), [320, 240]).unwrap();
-        fs::write(&path, png::gray16(320, 240, &depths.iter().map(|it| it * 10).collect::<Vec<_>>())).unwrap();
+        fs::write(&path, depth_scan::gray16(320, 240, &depths.iter().map(|it| it * 10).collect::<Vec<_>>())).unwrap();
     }
     refused("(median) from cameras that are 0.500 m away from it, expected depths in millimetres, or `--scale");
 }

@@ -87,12 +87,10 @@ fn a_contact_is_reported_and_what_does_not_fall_has_a_status() {
     let bounced = json(&["predict", "--track", track, "--up", "y", "--json"]);
     let contact_s = bounced["contact_s"].as_f64().unwrap();
     assert!((0.7..0.9).contains(&contact_s), "{bounced}");
-    for drag in [&["--drag", "0.05"][..], &[]] {
-        let seen = [&["predict", "--track", track, "--up", "y", "--until", "0.6", "--json"][..], drag].concat();
-        assert!(json(&seen)["contact_s"].is_null());
-        let wrong = json(&[&["predict", "--track", track, "--until", "0.6", "--json"], drag].concat());
-        assert_eq!((&wrong["status"], &wrong["end"]), (&"no_gravity".into(), &Value::Null));
-    }
+    let seen = ["predict", "--track", track, "--until", "0.6", "--json"];
+    assert!(json(&[&seen[..], &["--up", "y"]].concat())["contact_s"].is_null());
+    let wrong = json(&seen);
+    assert_eq!((&wrong["status"], &wrong["end"]), (&"no_gravity".into(), &Value::Null));
     write_throw(&path, 1, 60, -9.0, 1e-3);
     assert_eq!(json(&["predict", "--track", track, "--up", "y", "--json"])["status"], "no_gravity", "millimetres");
     let shown = catchingbot(&["predict", "--track", track, "--up", "y"]);
@@ -150,9 +148,8 @@ fn as_many_rows_as_a_file_may_have_are_fitted() {
         };
         fs::write(&path, (0..250_000).map(row).collect::<String>()).unwrap();
         let track = path.to_str().unwrap();
-        let document = json(&["predict", "--track", track, "--until", "0.7", "--drag", "0", "--json"]);
-        assert_eq!(document["status"], "predicted");
         let document = json(&["predict", "--track", track, "--until", "0.7", "--json"]);
+        assert_eq!(document["status"], "predicted");
         assert!((document["end"]["position"][0].as_f64().unwrap() - 3.0).abs() < 0.05, "{document}");
     }
 }

@@ -1,5 +1,4 @@
-//! Names and texts that others chose are shown, not obeyed: by terminals, spreadsheets and readers of
-//! Markdown.
+//! Names and texts that others chose are shown, not obeyed: by terminals, spreadsheets and browsers.
 
 use std::fs;
 
@@ -17,8 +16,8 @@ fn names_are_no_commands() {
     let out = at("e");
     let output = catchingbot(&["eval", "--object", &formula, "--object", &markup, "--trials", "1", "--out", &out]);
     assert!(output.status.success(), "{}", stderr(&output));
-    let table = fs::read_to_string(at("e/table.md")).unwrap();
-    assert!(table.contains("| a\\|b&lt;img src=x&gt; |") && !table.contains("<img"), "{table}");
+    let report = fs::read_to_string(at("e/report.html")).unwrap();
+    assert!(report.contains("a|b&lt;img src=x&gt;") && !report.contains("<img src=x>"), "{report}");
     let csv = fs::read_to_string(at("e/trials.csv")).unwrap();
     assert!(csv.contains("'=1+1,") && !csv.contains(",=1+1,"), "{csv}");
 

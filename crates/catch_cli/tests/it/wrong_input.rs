@@ -237,7 +237,6 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
         (&["eval", "--threads", "0"], &["--threads", "a whole number from 1 to"]),
         (&["eval", "--first", "18446744073709551615", "--trials", "5"], &["--first", "a whole number from 0 to"]),
         (&["ready", "--tries", "0"], &["--tries", "a whole number from 1 to"]),
-        (&["predict", "--track", "t.csv", "--drag", "-1"], &["--drag: found -1, expected 0 to 10 1/m"]),
         (&["predict", "--track", "no.csv", "--until", "-1"], &["no.csv"]),
         (
             &["register", "--cloud", "c.ply", "--reference", "banana", "--noise", "-1"],

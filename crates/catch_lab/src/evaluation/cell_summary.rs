@@ -102,9 +102,4 @@ impl CellSummary {
             min_clearance_m: clearances.flatten().min_by(f64::total_cmp),
         }
     }
-
-    /// Returns the number of throws within the arm's reach, as far as that is known.
-    pub fn within_reach(&self) -> Option<usize> {
-        self.out_of_reach.map(|out_of_reach| self.trials - out_of_reach)
-    }
 }

@@ -2,9 +2,9 @@
 //!
 //! While it runs there is a log, one line of JSON per trial, written as soon as it and all before it are
 //! done, and a file beside it that says what is evaluated. What a run was killed in the middle of is gone;
-//! everything before it stays. When all trials are done the log becomes a table ([`trial_table`]) and a
-//! summary for people. The logs of parts, one after the other, are the log of the whole. From it the same
-//! files are written as by one evaluation, byte for byte.
+//! everything before it stays. When all trials are done the log becomes a table ([`trial_table`]). The logs
+//! of parts, one after the other, are the log of the whole. From it the same files are written as by one
+//! evaluation, byte for byte.
 
 use std::{
     collections::BTreeSet,
@@ -18,7 +18,7 @@ use catch_body::InputError;
 use serde_json::{Value, json};
 
 use crate::{
-    evaluation::{Evaluation, Identity, Row, summary_table, trial_table},
+    evaluation::{Evaluation, Identity, Row, trial_table},
     scenario::Scenario,
 };
 use catch_recording::{
@@ -29,8 +29,6 @@ use catch_recording::{
 
 /// Name of the file with one row per trial.
 pub const TRIALS_FILE: &str = "trials.jsonl";
-/// Name of the summary.
-pub const SUMMARY_FILE: &str = "table.md";
 /// Name of the report in a folder of results.
 pub const REPORT_FILE: &str = "report.html";
 /// Name of the file that says what was evaluated.
@@ -78,7 +76,7 @@ impl Results {
         }
         let path = folder.join(TRIALS_FILE);
         let (rows, bytes) = read_rows(&path, &identity)?;
-        if rows.len() > evaluation.len() {
+        if rows.len() > evaluation.total() {
             let there = rows.len().div_ceil(identity.cells.len().max(1));
             let expected = format!("at least the {there} that `{}` holds already", folder.display());
             return Err(InputError::new(COMMAND_LINE, "--trials", evaluation.trials, expected));
@@ -104,15 +102,13 @@ impl Results {
         })
     }
 
-    /// Writes table and summary of all rows.
+    /// Writes the table of all rows.
     ///
     /// # Errors
-    /// If they cannot be written; the log stays.
+    /// If it cannot be written; the log stays.
     pub fn finish(&self, rows: &[Row]) -> Result<(), InputError> {
         let Self { folder, identity, .. } = self;
-        trial_table::write(folder, rows, &identity_text(identity)?)?;
-        let summary = summary_table::markdown(identity, &identity.summarize(rows));
-        whole_file::write(&folder.join(SUMMARY_FILE), summary)
+        trial_table::write(folder, rows, &identity_text(identity)?)
     }
 }
 

@@ -1,16 +1,8 @@
 //! The table of an evaluation: a line per object and throw, beside what was published.
 
-use std::fmt::Write;
-
-use catch_body::input_error::steers_text;
-
-use crate::{
-    VERSION,
-    evaluation::{
-        Identity,
-        cell_summary::CellSummary,
-        published::{published_rate, published_rates},
-    },
+use crate::evaluation::{
+    cell_summary::CellSummary,
+    published::{published_rate, published_rates},
 };
 
 /// Headings of the columns.
@@ -30,22 +22,6 @@ pub const HEADINGS: [&str; 11] = [
 
 /// The first column that holds numbers, and the first after them that holds text again.
 pub const NUMBERS: std::ops::Range<usize> = 2..10;
-
-/// A text that others chose as a cell or a part of a paragraph in Markdown: nothing in it is markup.
-pub fn plain(text: &str) -> String {
-    let mut plain = String::with_capacity(text.len());
-    for it in text.chars() {
-        match it {
-            '&' => plain += "&amp;",
-            '<' => plain += "&lt;",
-            '>' => plain += "&gt;",
-            '\\' | '|' | '[' | '`' => plain.extend(['\\', it]),
-            it if steers_text(it) => plain.push(' '),
-            it => plain.push(it),
-        }
-    }
-    plain
-}
 
 /// The lines of the table.
 pub fn lines(cells: &[CellSummary]) -> Vec<[String; HEADINGS.len()]> {
@@ -82,30 +58,6 @@ pub fn repeated_throws(cells: &[CellSummary]) -> Option<String> {
     (!repeated.is_empty()).then(|| {
         format!("{names} {verb} always the same: the trials repeat one throw, which is no sample and has no interval.")
     })
-}
-
-/// The table in Markdown, with what it is a table of. No time enters it: the same evaluation gives the same
-/// bytes.
-pub fn markdown(identity: &Identity, cells: &[CellSummary]) -> String {
-    let (caught, trials): (usize, usize) = cells.iter().fold((0, 0), |(a, b), cell| (a + cell.caught, b + cell.trials));
-    let scenario = plain(identity.cells.first().map_or("", |cell| cell.name.as_str()));
-    let mut text = format!(
-        "Scenario {scenario}, seed {}, throws from {} on, CatchingBot {VERSION}: {caught} of {trials} caught.\n\n",
-        identity.seed, identity.first
-    );
-    let row = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
-    text += &row(&HEADINGS.map(str::to_owned));
-    let rules: Vec<String> =
-        (0..HEADINGS.len()).map(|i| if NUMBERS.contains(&i) { "---:" } else { "---" }.to_owned()).collect();
-    text += &row(&rules);
-    for line in lines(cells) {
-        text += &row(&line.map(|cell| plain(&cell)));
-    }
-    if let Some(repeated) = repeated_throws(cells) {
-        let _ = writeln!(text, "\n{}", plain(&repeated));
-    }
-    text + "\n\"caught\": held to the end, no limit broken by a command; \"within 2.5 cm\": the paper's measure, which looks at one axis \
-            at 0.875 s; \"paper's Table I\": what it published by that measure, its fixed throws, without limits on the arm.\n"
 }
 
 /// A time in milliseconds with its unit, in microseconds where it is short.

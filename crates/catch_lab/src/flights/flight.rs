@@ -6,7 +6,7 @@ use catch_body::free_flight::{
     DRAG, FlyingBody, FreeState, N, OMEGA, PARAMETERS, POINT, ParameterVector, Pushes, THETA,
 };
 use catch_bot::trajectory_prediction::{AerodynamicForces, FlightTrajectory, ProcessNoise};
-use nalgebra::{Matrix3, Matrix6, Point3, SMatrix, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix6, Point3, SMatrix, Vector3};
 
 use super::flight_prior::{DRAG_AT, FlightPrior, Noise, ParameterCovariance};
 
@@ -29,8 +29,6 @@ pub struct Flight {
     pub noise: Noise,
     /// Noise density of the acceleration that was found, in m/s²/√Hz.
     pub acceleration_noise: f64,
-    /// True if the iterations converged.
-    pub converged: bool,
     /// True if orientations were measured.
     pub oriented: bool,
     /// Accelerations that the equations of motion do not explain, in equal parts of the time, in m/s².
@@ -44,8 +42,6 @@ pub struct Flight {
     /// Squares of the noise densities that the disturbances of this flight have: of the acceleration, beyond
     /// those of its Magnus force, and of the angular acceleration.
     pub disturbances: (f64, f64),
-    /// Iterations of the fit.
-    pub iterations: usize,
     pub(super) body: FlyingBody,
     /// Covariance of the error state at the last sighting.
     pub(super) covariance: SMatrix<f64, N, N>,
@@ -60,8 +56,6 @@ pub struct FlightState {
     pub position: Point3<f64>,
     /// Velocity in m/s.
     pub velocity: Vector3<f64>,
-    /// Orientation of the object; without meaning where none was measured.
-    pub orientation: UnitQuaternion<f64>,
     /// Covariance of (position, velocity), in m² and m²/s².
     pub covariance: Matrix6<f64>,
 }
@@ -107,7 +101,7 @@ impl Flight {
         for i in 0..3 {
             covariance[(i, i)] += self.prior.systematic_sd_m.powi(2);
         }
-        FlightState { position: p.into(), velocity: v, orientation: state.R, covariance }
+        FlightState { position: p.into(), velocity: v, covariance }
     }
 
     /// The parameters that were found.

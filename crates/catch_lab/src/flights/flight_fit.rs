@@ -42,13 +42,6 @@ const LONGER_S: f64 = 0.08;
 const FIRST_M: f64 = 2e-3;
 const FIRST_RAD: f64 = 0.04;
 
-/// Result of a minimization.
-struct Rest {
-    equations: Equations,
-    converged: bool,
-    iterations: usize,
-}
-
 impl Problem<'_> {
     /// Noise of the sightings by the median of their errors, and densities of the disturbances by their mean
     /// squares (expectation maximization under an inverse gamma prior).
@@ -131,7 +124,7 @@ impl Problem<'_> {
     }
 
     /// Minimizes the cost; `None` where a guess leads nowhere.
-    fn minimize(&self, guess: &mut Guess, scales: &mut Scales, noise_iterations: usize) -> Option<Rest> {
+    fn minimize(&self, guess: &mut Guess, scales: &mut Scales, noise_iterations: usize) -> Option<Equations> {
         let mut damping = 1e-3;
         for iteration in 0..ITERATIONS {
             let equations = self.equations(guess, scales);
@@ -161,15 +154,10 @@ impl Problem<'_> {
                 damping *= 8.0;
             }
             if gain < SMALL_GAIN && iteration >= noise_iterations || damping > 1e9 {
-                let converged = gain < SMALL_GAIN;
-                return cost.is_finite().then(|| Rest {
-                    equations: self.equations(guess, scales),
-                    converged,
-                    iterations: iteration,
-                });
+                return cost.is_finite().then(|| self.equations(guess, scales));
             }
         }
-        Some(Rest { equations: self.equations(guess, scales), converged: false, iterations: ITERATIONS })
+        Some(self.equations(guess, scales))
     }
 
     /// The flight, sought near another one if there is one; `None` where none fits.
@@ -177,8 +165,8 @@ impl Problem<'_> {
         let near = near.filter(|it| it.oriented == self.oriented && it.noise.orientation_sd_rad < FIRST_RAD);
         let (mut guess, mut scales) = near.map(|it| self.guess_near(it)).map_or_else(|| self.begun(), Some)?;
         let noise_iterations = if near.is_some() { FIRST_NOISE_ITERATIONS } else { NOISE_ITERATIONS };
-        let rest = self.minimize(&mut guess, &mut scales, noise_iterations)?;
-        self.flight(&guess, &scales, &rest)
+        let equations = self.minimize(&mut guess, &mut scales, noise_iterations)?;
+        self.flight(&guess, &scales, &equations)
     }
 
     /// The guess that another flight is.
@@ -201,12 +189,12 @@ impl Problem<'_> {
         (guess, scales)
     }
 
-    fn flight(&self, guess: &Guess, scales: &Scales, rest: &Rest) -> Option<Flight> {
-        let factor = rest.equations.information.clone().cholesky()?;
+    fn flight(&self, guess: &Guess, scales: &Scales, equations: &Equations) -> Option<Flight> {
+        let factor = equations.information.clone().cholesky()?;
         let covariance = factor.inverse();
         let ((state, size), z) = (self.sizes(), self.basis.ncols());
         let mut by = DMatrix::<f64>::zeros(N, self.unknowns());
-        by.rows_mut(0, state).copy_from(&rest.equations.last_by);
+        by.rows_mut(0, state).copy_from(&equations.last_by);
         by.view_mut((POINT, state), (PARAMETERS, z)).copy_from(&self.basis);
         let spread = &by * &covariance * by.transpose();
         let body = self.body(guess);
@@ -229,8 +217,6 @@ impl Problem<'_> {
             time_s: self.rows[self.rows.len() - 1].time_s,
             noise: scales.noise,
             acceleration_noise: scales.acceleration_noise,
-            converged: rest.converged,
-            iterations: rest.iterations,
             oriented: self.oriented,
             pushes,
             deviance,

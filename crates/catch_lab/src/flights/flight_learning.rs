@@ -11,7 +11,7 @@ use nalgebra::Matrix3;
 use super::{
     flight::Flight,
     flight_misses::{Miss, Misses, Throw, quantile},
-    flight_prediction::{Known, predict, predict_near},
+    flight_prediction::{predict, predict_near},
     flight_prior::{DRAG_AT, FlightPrior, LIFT_AT, Noise, ParameterCovariance},
 };
 use crate::parallel;
@@ -40,8 +40,8 @@ fn studied(throws: &[Throw]) -> Vec<Studied<'_>> {
     let fitted = parallel::map(throws.len(), |i| {
         let throw = &throws[i];
         let oriented = throw.samples.iter().any(|it| it.rotation.is_some());
-        let known = if oriented { Known::Prior(broad.clone()) } else { Known::Nothing };
-        (throw.flights(&known, None), predict(&throw.samples, &throw.up, known).flight)
+        let known = oriented.then(|| broad.clone());
+        (throw.flights(known.as_ref(), None), predict(&throw.samples, &throw.up, known).flight)
     });
     throws.iter().zip(fitted).map(|(throw, (parts, whole))| Studied { throw, whole, parts }).collect()
 }
@@ -49,59 +49,41 @@ fn studied(throws: &[Throw]) -> Vec<Studied<'_>> {
 /// Learns an object's prior from its throws. `None` where no throw could be fitted.
 fn learn(throws: &[&Studied<'_>]) -> Option<FlightPrior> {
     let broad = FlightPrior::broad();
-    let known = throws.iter().filter_map(|it| lesson(it.whole.as_ref()?)).collect();
+    let known = throws.iter().filter_map(|it| it.whole.as_ref()).collect();
     let mut prior = Arc::new(maximized(known, &broad, &broad)?);
     for _ in 1..ITERATIONS {
         let found = parallel::map(throws.len(), |i| {
-            let it = throws[i];
-            let (throw, known) = (it.throw, Known::Prior(prior.clone()));
-            lesson(&predict_near(&throw.samples, &throw.up, known, it.whole.as_ref()).flight?)
+            let Studied { throw, whole, .. } = throws[i];
+            predict_near(&throw.samples, &throw.up, Some(prior.clone()), whole.as_ref()).flight
         });
-        prior = Arc::new(maximized(found.into_iter().flatten().collect(), &prior, &broad)?);
+        prior = Arc::new(maximized(found.iter().flatten().collect(), &prior, &broad)?);
     }
     Some(calibrated(throws, &prior))
 }
 
-/// Estimates from one throw.
-struct Lesson {
-    mean: ParameterVector,
-    covariance: ParameterCovariance,
-    /// Squares of the noise densities of the acceleration and of the angular acceleration.
-    disturbances: (f64, f64),
-    orientation_sd_rad: f64,
-    oriented: bool,
-}
-
-/// Returns the estimates from a flight, if most sightings agree with it.
-fn lesson(flight: &Flight) -> Option<Lesson> {
-    let agrees = flight.inliers() as f64 >= LEAST_AGREEING * flight.considered() as f64;
-    agrees.then(|| Lesson {
-        mean: flight.parameters(),
-        covariance: flight.parameter_covariance(),
-        disturbances: flight.disturbances,
-        orientation_sd_rad: flight.noise.orientation_sd_rad,
-        oriented: flight.oriented,
-    })
-}
-
-/// One iteration of expectation maximization: the moments over all throws.
-fn maximized(mut found: Vec<Lesson>, prior: &FlightPrior, broad: &FlightPrior) -> Option<FlightPrior> {
-    let typical =
-        |of: &dyn Fn(&Lesson) -> f64, found: &[Lesson]| median_in_place(&mut found.iter().map(of).collect::<Vec<_>>());
+/// One iteration of expectation maximization: the moments over all flights with which most sightings agree.
+fn maximized(mut found: Vec<&Flight>, prior: &FlightPrior, broad: &FlightPrior) -> Option<FlightPrior> {
+    found.retain(|it| it.inliers() as f64 >= LEAST_AGREEING * it.considered() as f64);
+    let typical = |of: &dyn Fn(&Flight) -> f64, found: &[&Flight]| {
+        median_in_place(&mut found.iter().map(|it| of(it)).collect::<Vec<_>>())
+    };
     // Rotations that were not understood teach nothing.
-    let most_rad = MOST_TIMES * typical(&|it| it.orientation_sd_rad, &found);
-    found.retain(|it| it.orientation_sd_rad <= most_rad);
+    let most_rad = MOST_TIMES * typical(&|it| it.noise.orientation_sd_rad, &found);
+    found.retain(|it| it.noise.orientation_sd_rad <= most_rad);
     let count = found.len() as f64;
     let oriented = found.first()?.oriented;
-    let mean = found.iter().map(|it| it.mean).sum::<ParameterVector>() / count;
-    let spread = |it: &Lesson| it.covariance + (it.mean - mean) * (it.mean - mean).transpose();
+    let mean = found.iter().map(|it| it.parameters()).sum::<ParameterVector>() / count;
+    let spread = |it: &&Flight| {
+        let off = it.parameters() - mean;
+        it.parameter_covariance() + off * off.transpose()
+    };
     let scatter = found.iter().map(spread).sum::<ParameterCovariance>();
     let (_, expected) = broad.moments(oriented);
     let pooled = (scatter + expected * (PRIOR_FRACTION * PRIOR_THROWS)) / (count + PRIOR_THROWS);
     // The mean itself is known only as well as that many throws tell.
     let covariance = pooled * (1.0 + 1.0 / count);
     let (mean, covariance) = with_unmeasured(broad, (mean, (covariance + covariance.transpose()) * 0.5), oriented);
-    let density = |square: &dyn Fn(&Lesson) -> f64| typical(square, &found).sqrt();
+    let density = |square: &dyn Fn(&Flight) -> f64| typical(square, &found).sqrt();
     Some(FlightPrior {
         throws: found.len(),
         acceleration_noise: density(&|it| it.disturbances.0),
@@ -219,8 +201,7 @@ fn generic(objects: &[FlightPrior]) -> Option<FlightPrior> {
 
 /// Predicted ends of throws by how much was seen.
 fn misses(throws: &[&Studied<'_>], prior: &Arc<FlightPrior>) -> Misses {
-    let flights =
-        parallel::map(throws.len(), |i| throws[i].throw.flights(&Known::Prior(prior.clone()), Some(&throws[i].parts)));
+    let flights = parallel::map(throws.len(), |i| throws[i].throw.flights(Some(prior), Some(&throws[i].parts)));
     let all = throws.iter().zip(&flights);
     std::array::from_fn(|at| all.clone().map(|(it, flights)| it.throw.miss(flights[at].as_ref()?)).collect())
 }

@@ -1,6 +1,9 @@
 //! Predicted ends of recorded throws against where they ended.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use catch_body::InputError;
 use nalgebra::{Matrix3, Unit, Vector3};
@@ -8,7 +11,8 @@ use serde::Serialize;
 
 use super::{
     flight::Flight,
-    flight_prediction::{Known, predict_near},
+    flight_prediction::predict_near,
+    flight_prior::FlightPrior,
     track_file::{self, Sighting},
 };
 
@@ -96,7 +100,7 @@ pub fn quantile(fraction: f64) -> f64 {
 impl Throw {
     /// Predicts the end by how much was seen, each time near the flight that was found in `near` if there is
     /// one; `None` where there is no flight.
-    pub fn flights(&self, known: &Known, near: Option<&[Option<Flight>; 4]>) -> [Option<Flight>; 4] {
+    pub fn flights(&self, known: Option<&Arc<FlightPrior>>, near: Option<&[Option<Flight>; 4]>) -> [Option<Flight>; 4] {
         std::array::from_fn(|at| {
             let (first, last) = (self.samples.first()?, self.samples.last()?);
             let until_s = match Seen::ALL[at] {
@@ -105,7 +109,7 @@ impl Throw {
             };
             let seen = &self.samples[..self.samples.partition_point(|it| it.time_s <= until_s)];
             let near = near.and_then(|it| it[at].as_ref());
-            predict_near(seen, &self.up, known.clone(), near).flight
+            predict_near(seen, &self.up, known.cloned(), near).flight
         })
     }
 

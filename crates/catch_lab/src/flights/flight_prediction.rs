@@ -14,34 +14,17 @@ use super::{
     track_file::Sighting,
 };
 
-/// Prior on an object's flights.
-#[derive(Debug, Clone, Default)]
-pub enum Known {
-    /// Nothing: a prior for everyday objects.
-    #[default]
-    Nothing,
-    /// Isotropic drag: constant k of a = −k·|v|·v in 1/m, and its standard deviation.
-    Drag([f64; 2]),
-    /// Prior learned from other throws of the object.
-    Prior(Arc<FlightPrior>),
-}
-
-impl Known {
-    /// The priors for a track with or without orientations, among which its evidence chooses.
-    fn priors(self, oriented: bool) -> Vec<Arc<FlightPrior>> {
-        let any = || if oriented { vec![FlightPrior::any_object()] } else { FlightPrior::any_points() };
-        match self {
-            Self::Nothing => any().into_iter().map(Arc::new).collect(),
-            Self::Drag([drag, sd]) => any().iter().map(|it| Arc::new(it.with_drag(drag, sd))).collect(),
-            Self::Prior(prior) => vec![prior],
-        }
+/// The priors for a track with or without orientations, among which its evidence chooses: what is `known` of
+/// the object from other throws, or those for everyday objects.
+fn priors(known: Option<Arc<FlightPrior>>, oriented: bool) -> Vec<Arc<FlightPrior>> {
+    match known {
+        Some(prior) => vec![prior],
+        None if oriented => vec![Arc::new(FlightPrior::any_object())],
+        None => FlightPrior::any_points().into_iter().map(Arc::new).collect(),
     }
 }
 
 pub use super::stretches::LEAST_SIGHTINGS;
-
-/// Drag constant in 1/m and its standard deviation where one of them is not given.
-pub const DRAG_PER_M: [f64; 2] = [0.05, 0.1];
 
 /// Sightings that one fit looks at, at most; of more, every second, third … one. A stretch is found among as
 /// few more.
@@ -110,10 +93,11 @@ const TAIL_M: f64 = 0.01;
 const SURELY: f64 = 10.0;
 
 /// The first flight in the rows of a track, oldest first; `up` is the direction in the track's axes against
-/// which gravity pulls.
+/// which gravity pulls. `known` was learned from other throws of the object; without it a prior for everyday
+/// objects serves.
 ///
 /// What precedes the flight, as in a hand, and what follows a contact is left out.
-pub fn predict(rows: &[Sighting], up: &Unit<Vector3<f64>>, known: Known) -> FlightPrediction {
+pub fn predict(rows: &[Sighting], up: &Unit<Vector3<f64>>, known: Option<Arc<FlightPrior>>) -> FlightPrediction {
     predict_near(rows, up, known, None)
 }
 
@@ -121,7 +105,7 @@ pub fn predict(rows: &[Sighting], up: &Unit<Vector3<f64>>, known: Known) -> Flig
 pub fn predict_near(
     rows: &[Sighting],
     up: &Unit<Vector3<f64>>,
-    known: Known,
+    known: Option<Arc<FlightPrior>>,
     near: Option<&Flight>,
 ) -> FlightPrediction {
     let seen = sighted(rows);
@@ -130,7 +114,7 @@ pub fn predict_near(
         let status = if stands { FlightStatus::NoGravity } else { FlightStatus::TooFewSightings };
         return FlightPrediction::none(status);
     }
-    let priors = known.priors(seen.iter().any(|it| it.rotation.is_some()));
+    let priors = priors(known, seen.iter().any(|it| it.rotation.is_some()));
     let g = up.into_inner() * -gravity().norm();
     let seen = thinned(&seen, MOST_ROWS);
     let mut status = FlightStatus::NoGravity;

@@ -76,21 +76,6 @@ impl FlightPrior {
         Self { mean: (*mean).into(), covariance: rows, ..self.clone() }
     }
 
-    /// Returns this prior with isotropic drag k of a = −k·|v|·v in 1/m that has this mean and standard
-    /// deviation.
-    pub fn with_drag(&self, drag_per_m: f64, sd_per_m: f64) -> Self {
-        // The log-normal distribution of these moments; about zero, of the half-normal one's.
-        let mean_per_m = drag_per_m.max(0.8 * sd_per_m).max(1e-9);
-        let variance = libm::log1p((sd_per_m / mean_per_m).powi(2));
-        let (mut mean, mut covariance) = (self.mean(), self.covariance());
-        mean.fixed_rows_mut::<6>(DRAG_AT).fill(0.0);
-        mean.fixed_rows_mut::<3>(DRAG_AT).fill(libm::log(mean_per_m) - 0.5 * variance);
-        covariance.fixed_rows_mut::<6>(DRAG_AT).fill(0.0);
-        covariance.fixed_columns_mut::<6>(DRAG_AT).fill(0.0);
-        covariance.fixed_view_mut::<3, 3>(DRAG_AT, DRAG_AT).fill(variance);
-        self.with_moments(&mean, &covariance)
-    }
-
     /// Moments of the parameters as a track with or without orientations has them.
     ///
     /// Without them the tracked point cannot be told from the centre of mass, and of the drag only what is

@@ -12,7 +12,7 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use super::{
     flight::Flight,
-    flight_prediction::{FlightStatus, Known, predict},
+    flight_prediction::{FlightStatus, predict},
     stretches::{self, LEAST_SIGHTINGS, Parabola, sighted},
     track_file,
 };
@@ -47,7 +47,7 @@ fn read_flight(path: &Path, up: Option<Vector3<f64>>) -> Result<RecordedFlight, 
         ));
     }
     let up = up.map_or_else(|| stretches::up(&sighted(&seen)), Unit::new_normalize);
-    let found = predict(&seen, &up, Known::Nothing);
+    let found = predict(&seen, &up, None);
     if found.status == FlightStatus::NoGravity {
         let [x, y, z] = Parabola::through(&seen).map_or(Vector3::zeros(), |it| it.a).into();
         let expected =

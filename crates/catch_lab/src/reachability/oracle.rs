@@ -55,7 +55,7 @@ pub struct Reach {
 /// Knows what an arm could do.
 #[derive(Debug)]
 pub struct Oracle<'a> {
-    robot: &'a Robot,
+    pub(super) robot: &'a Robot,
     gripper: &'a Gripper,
     kinematics: Kinematics,
     base: Point3<f64>,
@@ -139,7 +139,7 @@ impl<'a> Oracle<'a> {
                 (sample.p_WO - R_WG * self.gripper.grasp_centre().coords).coords.into(),
                 UnitQuaternion::from_rotation_matrix(&R_WG),
             );
-            let holds = |q: &JointVector| self.can_stop_after(from, q, time_s) && self.is_clear(q);
+            let holds = |q: &JointVector| self.can_stop_after(from, q, time_s) && self.clearance_m(q) > 0.0;
             match &self.kinematics {
                 Kinematics::Srs(arm) => swivelled(arm, &X_WG, &ranges).any(|q| holds(&q)),
                 Kinematics::ParallelAxes(arm) => arm.solutions(&X_WG, from, &ranges).iter().any(holds),
@@ -163,9 +163,9 @@ impl<'a> Oracle<'a> {
         })
     }
 
-    /// Returns whether the arm at `q` touches neither itself nor its surroundings.
-    fn is_clear(&self, q: &JointVector) -> bool {
-        self.clearance.least(&self.robot.link_poses(q), self.gripper.max_width_m) > 0.0
+    /// Distance of the arm at `q`, its gripper open, from itself and its surroundings.
+    pub(super) fn clearance_m(&self, q: &JointVector) -> f64 {
+        self.clearance.least(&self.robot.link_poses(q), self.gripper.max_width_m)
     }
 }
 

@@ -11,7 +11,6 @@ use std::sync::Arc;
 use catch_body::statistics::median;
 use catch_body::{
     JointVector,
-    clearance::ArmClearance,
     inverse_kinematics::{ParallelAxesArm, SphericalShoulderArm, SrsArm},
 };
 use catch_bot::{
@@ -60,9 +59,6 @@ pub struct Corridor<'a> {
     /// closed form, it is the quicker one.
     asks_oracle: bool,
     oracle: Oracle<'a>,
-    clearance: ArmClearance,
-    robot: catch_body::Robot,
-    width_m: f64,
 }
 
 struct Part {
@@ -85,30 +81,21 @@ impl<'a> Corridor<'a> {
                 .map(|index| (Flight::of(setup, seed, index), flight(&setup.release(seed, index))))
                 .collect(),
         });
-        let Setup { robot, gripper, .. } = &setups[0];
+        let robot = &setups[0].robot;
         let is_in_closed_form = SrsArm::of(robot).is_some() || ParallelAxesArm::of(robot).is_some();
         Self {
             asks_oracle: is_in_closed_form || SphericalShoulderArm::of(robot).is_none(),
             parts: parts.collect(),
             oracle: Oracle::of(&setups[0]),
-            clearance: ArmClearance::new(robot, gripper),
-            robot: robot.clone(),
-            width_m: gripper.max_width_m,
         }
     }
 
     /// Evaluates waiting at `q`; `None` if the arm cannot stand there, or if the mean cost is above
     /// `most_cost`.
     pub fn value(&self, q: &JointVector, most_cost: f64) -> Option<Ready> {
-        let X_WL = self.robot.link_poses(q);
-        let free = self.clearance.least(&X_WL, self.width_m);
-        let within = self
-            .robot
-            .joints
-            .iter()
-            .zip(q.iter())
-            .all(|(joint, q)| (joint.limits.lower..=joint.limits.upper).contains(q));
-        if !within || free < CLEARANCE_M {
+        let mut joints = self.oracle.robot.joints.iter().zip(q.iter());
+        let within = joints.all(|(joint, q)| (joint.limits.lower..=joint.limits.upper).contains(q));
+        if !within || self.oracle.clearance_m(q) < CLEARANCE_M {
             return None;
         }
         let start = Start { time_s: FIRST_ESTIMATE_S, state: Setpoint::at_rest(*q) };
@@ -157,7 +144,7 @@ impl<'a> Corridor<'a> {
             // From a third of each joint's range down to a few hundredths of a radian.
             let size = 0.6 * libm::pow(0.05_f64 / 0.6, attempt as f64 / tries as f64);
             let centre = best.map_or(*start, |ready| ready.q);
-            let step = self.robot.per_joint(|joint| (joint.limits.upper - joint.limits.lower) / 6.0);
+            let step = self.oracle.robot.per_joint(|joint| (joint.limits.upper - joint.limits.lower) / 6.0);
             let q = JointVector::from_fn(|i, _| {
                 let moves = rng.random_bool(0.5);
                 let by: f64 = rng.random_range(-1.0..1.0);

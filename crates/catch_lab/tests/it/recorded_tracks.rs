@@ -4,7 +4,7 @@
 use catch_lab::flights::{
     flight_learning::lessons,
     flight_misses::{Misses, Reliability, Throw},
-    flight_prediction::{FlightStatus, Known, predict},
+    flight_prediction::{FlightStatus, predict},
     track_file::Sighting,
 };
 use nalgebra::{Matrix3, Point3, Unit, UnitQuaternion, Vector3};
@@ -65,8 +65,8 @@ fn thrown(seed: u64, made: &Made) -> Vec<Sighting> {
 }
 
 /// Squared Mahalanobis distance and distance of the last row from what the first of the track say of it.
-fn off(seen: &[Sighting], last: &Sighting, known: Known) -> (f64, f64) {
-    let found = predict(seen, &Vector3::z_axis(), known);
+fn off(seen: &[Sighting], last: &Sighting) -> (f64, f64) {
+    let found = predict(seen, &Vector3::z_axis(), None);
     assert_eq!(found.status, FlightStatus::Predicted);
     let end = found.flight.unwrap().at(last.time_s);
     let error = last.p - end.position;
@@ -91,7 +91,7 @@ fn as_many_ends_are_covered_as_is_claimed() {
                 rows[uniform(0.0, 60.0) as usize].p.x += uniform(-0.2, 0.2);
             }
             rows.drain(20..26);
-            off(&rows[..62], &rows[rows.len() - 1], Known::Nothing).0 < CHI_SQUARED_95
+            off(&rows[..62], &rows[rows.len() - 1]).0 < CHI_SQUARED_95
         });
         let fraction = covered.count() as f64 / 40.0;
         assert!(fraction >= least, "{spin_per_s}: {fraction}");
@@ -117,7 +117,7 @@ fn ellipsoids_of_many_tracks_hold_what_they_claim() {
                 }
             })
             .collect();
-        let flights: Vec<_> = throws.iter().map(|it| it.flights(&Known::Nothing, None)).collect();
+        let flights: Vec<_> = throws.iter().map(|it| it.flights(None, None)).collect();
         let by_generic: Misses =
             std::array::from_fn(|i| throws.iter().zip(&flights).map(|(it, of)| it.miss(of[i].as_ref()?)).collect());
         let learned = lessons(&[throws], 5, || {}).unwrap().own.swap_remove(0);
@@ -152,7 +152,7 @@ fn tumbling_objects_are_predicted_with_outliers_gaps_and_swapped_markers() {
                 }
                 _ => {}
             }
-            let (square, error) = off(&seen, &rows[ROWS - 1], Known::Nothing);
+            let (square, error) = off(&seen, &rows[ROWS - 1]);
             assert!(error < 0.05 && square < 25.0, "{kind} {seed}: {error} m, {square}");
         }
     }
@@ -170,7 +170,7 @@ fn rest_in_a_hand_is_left_out() {
             rotation: rows[0].rotation,
         });
         let seen: Vec<Sighting> = rest.chain(rows[..81].iter().copied()).collect();
-        let (_, error) = off(&seen, &rows[ROWS - 1], Known::Nothing);
+        let (_, error) = off(&seen, &rows[ROWS - 1]);
         assert!(error < 0.05, "{before} rows before: {error}");
     }
 }
@@ -178,7 +178,7 @@ fn rest_in_a_hand_is_left_out() {
 #[test]
 fn rows_that_repeat_or_are_zero_do_not_count() {
     let rows = thrown(6, &BALL);
-    let (_, expected) = off(&rows[..81], &rows[ROWS - 1], Known::Nothing);
+    let (_, expected) = off(&rows[..81], &rows[ROWS - 1]);
     for lost in [1, 4, 8, 15, 25, 32] {
         for scattered in [false, true] {
             let mut seen = rows[..81].to_vec();
@@ -186,7 +186,7 @@ fn rows_that_repeat_or_are_zero_do_not_count() {
                 let at = if scattered { 2 * i + 5 } else { 30 + i };
                 seen[at].p = Point3::origin();
             }
-            let (_, error) = off(&seen, &rows[ROWS - 1], Known::Nothing);
+            let (_, error) = off(&seen, &rows[ROWS - 1]);
             assert!(error < expected + 0.01, "{lost} of 81: {error}");
         }
     }
@@ -195,11 +195,11 @@ fn rows_that_repeat_or_are_zero_do_not_count() {
         .iter()
         .flat_map(|row| (0..5).map(|i| Sighting { time_s: row.time_s + f64::from(i) * 1e-3, ..*row }))
         .collect();
-    let (square, error) = off(&held, &rows[ROWS - 1], Known::Nothing);
+    let (square, error) = off(&held, &rows[ROWS - 1]);
     assert!(error < 0.02 && square < 14.2, "{error} m, {square}");
     let still = vec![Sighting { p: Point3::new(1.0, 2.0, 3.0), ..rows[0] }; 30];
-    assert_eq!(predict(&still, &Vector3::z_axis(), Known::Nothing).status, FlightStatus::NoGravity);
-    assert_eq!(predict(&rows[..3], &Vector3::z_axis(), Known::Nothing).status, FlightStatus::TooFewSightings);
+    assert_eq!(predict(&still, &Vector3::z_axis(), None).status, FlightStatus::NoGravity);
+    assert_eq!(predict(&rows[..3], &Vector3::z_axis(), None).status, FlightStatus::TooFewSightings);
 }
 
 #[test]
@@ -208,19 +208,19 @@ fn a_status_is_evidence() {
     for made in [BALL, Made { lift: Vector3::new(0.3, 1.5, -0.5), ..BALL }, TUMBLING] {
         let rows = &thrown(8, &made)[..90];
         for up in axes.clone() {
-            let status = predict(rows, &up, Known::Nothing).status;
+            let status = predict(rows, &up, None).status;
             let expected = if up == Vector3::z_axis() { FlightStatus::Predicted } else { FlightStatus::NoGravity };
             assert_eq!(status, expected, "{up:?}, tumbling: {}", made.tumbles);
         }
         let millimetres: Vec<Sighting> = rows.iter().map(|it| Sighting { p: it.p * 1e3, ..*it }).collect();
-        assert_eq!(predict(&millimetres, &Vector3::z_axis(), Known::Nothing).status, FlightStatus::NoGravity);
+        assert_eq!(predict(&millimetres, &Vector3::z_axis(), None).status, FlightStatus::NoGravity);
     }
     let mut random = Pcg64Mcg::seed_from_u64(9);
     let noisy: Vec<Sighting> = thrown(9, &BALL)
         .iter()
         .map(|it| Sighting { p: it.p + Vector3::from_fn(|_, _| 0.05 * random.sample::<f64, _>(StandardNormal)), ..*it })
         .collect();
-    assert_eq!(predict(&noisy, &Vector3::z_axis(), Known::Nothing).status, FlightStatus::Implausible);
+    assert_eq!(predict(&noisy, &Vector3::z_axis(), None).status, FlightStatus::Implausible);
 }
 
 #[test]
@@ -228,7 +228,7 @@ fn a_bounce_ends_the_flight() {
     let rows = thrown(3, &Made { floor_m: 1.5, ..TUMBLING });
     let turns = rows.windows(3).find(|it| it[1].p.z < it[0].p.z - 0.005 && it[2].p.z > it[1].p.z);
     let lowest = turns.unwrap()[1].time_s;
-    let found = predict(&rows, &Vector3::z_axis(), Known::Nothing);
+    let found = predict(&rows, &Vector3::z_axis(), None);
     let contact_s = found.contact_s.unwrap();
     assert!((contact_s - lowest).abs() < 0.03, "{contact_s} and {lowest}");
     assert!(found.flight.unwrap().time_s <= contact_s);

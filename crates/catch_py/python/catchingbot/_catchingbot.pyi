@@ -493,7 +493,6 @@ def predict(
     p: ArrayLike,
     q: ArrayLike | None = None,
     up: str = "z",
-    drag: ArrayLike | None = None,
 ) -> Flight: ...
 def register(
     points: ArrayLike, reference: str | PathLike[str] | ArrayLike, noise_m: float = 0.0

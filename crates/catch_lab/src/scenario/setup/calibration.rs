@@ -263,27 +263,12 @@ fn claimed(found: CameraCalibration, settings: &CalibrationSettings) -> CameraCa
 }
 
 /// Values that are made once for each seed, and shared by clones.
-#[derive(Debug)]
-pub(super) struct BySeed<T>(Arc<Mutex<BTreeMap<u64, Arc<T>>>>);
+pub(super) type BySeed<T> = Arc<Mutex<BTreeMap<u64, Arc<T>>>>;
 
-impl<T> Default for BySeed<T> {
-    fn default() -> Self {
-        Self(Arc::default())
-    }
-}
-
-impl<T> Clone for BySeed<T> {
-    fn clone(&self) -> Self {
-        Self(self.0.clone())
-    }
-}
-
-impl<T> BySeed<T> {
-    pub(super) fn get(&self, seed: u64, make: impl FnOnce() -> T) -> Arc<T> {
-        // Whoever comes second waits: it takes longer than a trial.
-        let mut made = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        made.entry(seed).or_insert_with(|| Arc::new(make())).clone()
-    }
+/// The value of a seed; whoever comes second waits: to make it takes longer than a trial.
+pub(super) fn of_seed<T>(made: &BySeed<T>, seed: u64, make: impl FnOnce() -> T) -> Arc<T> {
+    let mut made = made.lock().unwrap_or_else(PoisonError::into_inner);
+    made.entry(seed).or_insert_with(|| Arc::new(make())).clone()
 }
 
 impl Setup {
@@ -291,7 +276,7 @@ impl Setup {
     /// calibration. It runs when it is first asked for, which takes tens of seconds.
     pub fn calibrated(&self, seed: u64) -> Option<Arc<CalibratedCameras>> {
         let settings = self.scenario.calibration.as_ref()?;
-        Some(self.calibrations.get(seed, || CalibratedCameras::new(self, settings, seed)))
+        Some(of_seed(&self.calibrations, seed, || CalibratedCameras::new(self, settings, seed)))
     }
 
     /// Returns this setup with the calibrations of another one, which differs in object and throw at most.

@@ -9,7 +9,7 @@ use catch_sim::random_streams::{Draws, Stream};
 
 use super::{
     CHECKED, Setup,
-    calibration::{self, CalibratedCameras},
+    calibration::{self, CalibratedCameras, of_seed},
 };
 use catch_recording::{brain::BrainSettings, reach_map};
 
@@ -98,7 +98,7 @@ impl Setup {
             None => self.known().clone(),
             Some(calibrated) => {
                 let make = || self.knowledge().preparation(&self.brain_config(seed), calibrated.cameras.clone());
-                self.known_calibrated.get(seed, make)
+                of_seed(&self.known_calibrated, seed, make)
             }
         }
     }
