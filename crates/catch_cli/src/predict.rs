@@ -2,7 +2,7 @@
 
 use std::{path::PathBuf, sync::Arc};
 
-use catch_body::quantity;
+use catch_body::{InputError, quantity};
 use catch_lab::flights::{
     flight::{Flight, FlightState},
     flight_prediction::{self, FlightStatus, LEAST_SIGHTINGS},
