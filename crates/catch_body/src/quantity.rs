@@ -226,7 +226,7 @@ impl<'de, T: Numbers<'de>> DeserializeSeed<'de> for Element<T> {
     }
 }
 
-/// Numbers that some files give as zero, below it or without bound where nobody knows them.
+/// Any finite number: some files give zero, or a very large one, where nobody knows it.
 pub const FINITE: Quantity = Quantity { least: -f64::MAX, most: f64::MAX, unit: "" };
 
 macro_rules! quantities {
