@@ -33,7 +33,8 @@ pub use crate::referee::Row;
 /// started.
 pub const MOST_THREADS: usize = 1024;
 
-/// Makes a brain that has seen nothing yet for each trial: of a setup, for a seed and the number of the throw.
+/// Makes a brain that has seen nothing yet for each trial: of a setup, for a seed and the number of the
+/// throw.
 pub type BrainFactory = Arc<dyn Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync>;
 
 /// One object with one throw, many times.

@@ -149,7 +149,7 @@ fn wrong_arguments_are_told_by_field() {
         (&["check"], "NAME|FILE", "nothing", "a value: <NAME|FILE>"),
         (&["object", "import", "x.obj"], "--out", "nothing", "a value: --out <DIR|FILE>"),
         (&["predict", "--track", "t.csv", "--at", "soon"], "--at", "soon", "a number"),
-        (&["list", "--show", "banana", "--completions", "bash"], "--completions", "it beside --show", "not both"),
+        (&["list", "--show", "banana", "--completions", "bash"], "--show", "it beside --completions", "not both"),
     ] {
         let fault = &failure(arguments)["faults"][0];
         assert_eq!(
