@@ -8,8 +8,8 @@
 //! * [`reachability`]: what each joint can reach in the time left, exactly;
 //! * [`terminal_velocity`]: the joint velocities at the catch, so that the gripper moves along with the
 //!   object;
-//! * [`joint_spline`]: the motion, one small [quadratic program](catch_body::quadratic_program) per joint, and
-//!   the braking after it;
+//! * [`joint_spline`]: the motion, one small [quadratic program](catch_body::quadratic_program) per joint,
+//!   and the braking after it;
 //! * [`motion`]: both put together and checked against torque limits and collision.
 
 pub mod failure_counter;

@@ -227,8 +227,8 @@ impl Problem<'_> {
         squares.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt()
     }
 
-    /// The flight of a fitted state, with its covariance and the scale of the errors. Errors that poses have in
-    /// common reach the first `M` parameters.
+    /// The flight of a fitted state, with its covariance and the scale of the errors. Errors that poses have
+    /// in common reach the first `M` parameters.
     fn flight<const M: usize>(&self, state: &State, scale: f64, scratch: &Scratch) -> Option<FlightTrajectory> {
         let mut correlated = CorrelatedSums::<M>::of(self.config.correlated_sd_per_m);
         let noisy = self.config.process_noise.any();

@@ -30,8 +30,8 @@ pub struct Frontier {
     /// Penalty that a failure of a grasp adds to the cost of all of its catches.
     failure_penalty: f64,
     nodes: Vec<Node>,
-    /// Costs of nodes with their penalties, by their keys, and the nodes' numbers: of those that cost the same
-    /// the first comes first, so that the order is always the same.
+    /// Costs of nodes with their penalties, by their keys, and the nodes' numbers: of those that cost the
+    /// same the first comes first, so that the order is always the same.
     heap: BinaryHeap<Reverse<(i64, usize)>>,
 }
 
