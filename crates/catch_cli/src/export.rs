@@ -30,7 +30,7 @@ pub fn run(arguments: &ExportArguments, json: bool) -> anyhow::Result<()> {
     let file = mjcf.join("scene.xml");
     whole_file::write_new(&[(file.clone(), mjcf::scene(&setup, *seed, *index).into_bytes())], "--mjcf")?;
     if json {
-        return screen::document(&BTreeMap::from([("mjcf", &file)]));
+        return screen::document(&BTreeMap::from([("mjcf", file.to_string_lossy())]));
     }
     Ok(screen::fact("scene", &format!("throw {index} of seed {seed}, in {}", file.display()))?)
 }

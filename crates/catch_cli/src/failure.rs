@@ -71,6 +71,10 @@ impl Failure {
                 ErrorKind::ArgumentConflict if prior.contains(argument) => {
                     ("it twice".to_owned(), "it once".to_owned())
                 }
+                // An option of the throw that the program makes without a command, before one.
+                ErrorKind::ArgumentConflict if commands().any(|it| it == *argument) => {
+                    ("options before it".to_owned(), format!("`{argument}` first, and then its options"))
+                }
                 ErrorKind::ArgumentConflict => {
                     let others = prior.iter().map(|it| name(it)).collect::<Vec<_>>().join(", ");
                     (format!("it beside {others}"), format!("it or {others}, not both"))

@@ -38,7 +38,7 @@ pub fn run(arguments: &GripperLatencyArguments, json: bool) -> anyhow::Result<()
     // A negative latency says that the fingers are faster than the brain expects; the setting cannot.
     let setting = format!("brain.control.gripper_latency_s = {:.4}", latency.median_s.max(0.0));
     if json {
-        let mut document = json!(latency);
+        let mut document = serde_json::to_value(&latency)?;
         document["setting"] = json!(setting);
         return screen::document(&document);
     }

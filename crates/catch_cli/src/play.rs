@@ -185,7 +185,7 @@ fn cells(play: &Play, life: &Life) -> Vec<CellSummary> {
     let of_object = |setup: &Setup| {
         let Scenario { object, throw, .. } = &setup.scenario;
         let rows: Vec<&Row> = life.rows.iter().map(|it| &it.row).filter(|row| row.scene.object == *object).collect();
-        CellSummary::of(object, throw, &rows, setup.repeats_itself())
+        CellSummary::of(object, throw, &rows, false)
     };
     play.setups.iter().map(of_object).collect()
 }

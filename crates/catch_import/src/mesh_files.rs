@@ -35,7 +35,7 @@ impl<'a> MeshFiles<'a> {
     pub fn placed(
         &mut self,
         shapes: &[Geometry],
-        fault: impl Fn(&Geometry, &TriangleMesh) -> Option<InputError>,
+        fault: impl Fn(&Geometry, &[TriangleMesh]) -> Option<InputError>,
     ) -> Result<(Vec<TriangleMesh>, Vec<InputError>), InputError> {
         let (mut all, mut faults) = (Vec::new(), Vec::new());
         for shape in shapes {
@@ -46,7 +46,7 @@ impl<'a> MeshFiles<'a> {
                     continue;
                 }
             };
-            if let Some(fault) = groups.iter().find_map(|it| fault(shape, it)) {
+            if let Some(fault) = fault(shape, &groups) {
                 faults.push(fault);
                 continue;
             }

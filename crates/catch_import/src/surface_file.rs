@@ -18,9 +18,8 @@ use catch_recording::bounded_file::FileKind;
 
 pub use ply::PlyFile;
 
-/// Files with surfaces, or with points of one.
-pub(crate) const MESH: FileKind =
-    FileKind::geometry("a mesh: .obj, .stl, .ply, .dae, .gltf or .glb, or a cloud: .ply, .pcd or .xyz");
+/// Files with surfaces.
+pub(crate) const MESH: FileKind = FileKind::geometry("a mesh: .obj, .stl, .ply, .dae, .gltf or .glb");
 
 /// The triangles of each group of a file, as [`triangles_from_bytes`] has them; glTF (`.gltf`, `.glb`) is
 /// read as well. True beside them if they are in metres by the format.

@@ -8,7 +8,10 @@ pub mod results;
 pub mod summary_table;
 pub mod trial_table;
 
-use std::{fmt::Debug, sync::Arc};
+use std::{
+    fmt::{self, Debug, Write},
+    sync::Arc,
+};
 
 use catch_body::InputError;
 use serde::{Deserialize, Serialize};
@@ -114,8 +117,18 @@ impl Checksums {
     }
 }
 
+/// The checksum of a value's text, which is never as a whole in memory: meshes make it long.
 fn checksum(content: &dyn Debug) -> u32 {
-    crc32fast::hash(format!("{content:?}").as_bytes())
+    struct Sink(crc32fast::Hasher);
+    impl fmt::Write for Sink {
+        fn write_str(&mut self, text: &str) -> fmt::Result {
+            self.0.update(text.as_bytes());
+            Ok(())
+        }
+    }
+    let mut sink = Sink(crc32fast::Hasher::new());
+    let _ = write!(sink, "{content:?}");
+    sink.0.finalize()
 }
 
 impl Identity {

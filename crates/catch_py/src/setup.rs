@@ -112,7 +112,7 @@ impl Setup {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Py<PyAny>, Bound<'py, PyTuple>)> {
-        let make = self.made_by.as_ref().ok_or_else(|| PyTypeError::new_err("the setup of a recording stays here"))?;
+        let make = self.made_by.as_ref().ok_or_else(|| PyTypeError::new_err("the setup of a recording stays here: send the path of its file, and open `Recording(path).setup` there"))?;
         Ok((make.clone_ref(py), PyTuple::empty(py)))
     }
 

@@ -106,13 +106,21 @@ impl<'a> FileKind<'a> {
     }
 }
 
+/// Most entries of a folder that are read.
+const MOST_ENTRIES: usize = 10_000;
+
 /// Paths of what is in a folder, in the order of their names; `expected` says what the folder should be.
 ///
 /// # Errors
-/// If it cannot be read.
+/// If it cannot be read, or has too many entries.
 pub fn paths_in(folder: &Path, expected: &str) -> Result<Vec<PathBuf>, InputError> {
     let fault = |it: io::Error| InputError::new(folder.display(), "the folder", it, expected);
-    let mut paths: Vec<PathBuf> = fs::read_dir(folder).map_err(fault)?.flatten().map(|it| it.path()).collect();
+    let entries = fs::read_dir(folder).map_err(fault)?.flatten().take(MOST_ENTRIES + 1);
+    let mut paths: Vec<PathBuf> = entries.map(|it| it.path()).collect();
+    if paths.len() > MOST_ENTRIES {
+        let most = format!("at most {MOST_ENTRIES} of them: {expected}");
+        return Err(InputError::new(folder.display(), "the folder", "more entries", most));
+    }
     paths.sort();
     Ok(paths)
 }

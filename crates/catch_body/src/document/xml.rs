@@ -82,10 +82,32 @@ fn bounded(text: &str) -> Result<(), String> {
     if text.matches("xmlns").count() > MOST_NAME_SPACES {
         return Err(format!("more than {MOST_NAME_SPACES} declarations of name spaces"));
     }
-    // No value of an attribute contains `<`; what follows an element before the next one is counted with it.
-    let mut elements = text.split('<').filter(|it| !it.starts_with(['!', '?']));
-    if elements.any(|it| it.matches('=').count() > MOST_ATTRIBUTES) {
-        return Err(format!("an element with more than {MOST_ATTRIBUTES} attributes"));
+    let mut rest = text;
+    while let Some(start) = rest.find('<') {
+        let tag = &rest[start..];
+        let opaque = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>")];
+        if let Some((_, close)) = opaque.iter().find(|(open, _)| tag.starts_with(open)) {
+            rest = tag.find(close).map_or("", |at| &tag[at + close.len()..]);
+            continue;
+        }
+        let (mut quote, mut equals, mut end) = (None, 0, tag.len());
+        for (i, byte) in tag.bytes().enumerate() {
+            match (quote, byte) {
+                (Some(open), _) if byte == open => quote = None,
+                (Some(_), _) => {}
+                (None, b'"' | b'\'') => quote = Some(byte),
+                (None, b'=') => equals += 1,
+                (None, b'>') => {
+                    end = i + 1;
+                    break;
+                }
+                _ => {}
+            }
+        }
+        if equals > MOST_ATTRIBUTES {
+            return Err(format!("an element with more than {MOST_ATTRIBUTES} attributes"));
+        }
+        rest = &tag[end..];
     }
     Ok(())
 }

@@ -147,6 +147,7 @@ fn wrong_arguments_are_told_by_field() {
         (&["catch", "--set", "object=nope"], "--set object", "`nope`", "one of"),
         (&["catch", "--set", "arena.step_s=7"], "arena.step_s", "7", "0.00001 to 0.002"),
         (&["check"], "NAME|FILE", "nothing", "a value: <NAME|FILE>"),
+        (&["--seed=1", "list"], "list", "options before it", "`list` first"),
         (&["object", "import", "x.obj"], "--out", "nothing", "a value: --out <DIR|FILE>"),
         (&["predict", "--track", "t.csv", "--at", "soon"], "--at", "soon", "a number"),
         (&["list", "--show", "banana", "--completions", "bash"], "--show", "it beside --completions", "not both"),

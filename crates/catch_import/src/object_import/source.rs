@@ -8,7 +8,7 @@ use crate::{
     description::{Description, Geometry, Link},
     mesh_files::MeshFiles,
     model_of_mujoco,
-    surface_file::{self, MESH, PlyFile},
+    surface_file::{self, PlyFile},
 };
 use catch_body::{InputError, TriangleMesh, document::root_element, quantity, robot::Inertia};
 use nalgebra::{Point3, Vector3};
@@ -22,6 +22,9 @@ use catch_recording::{
 /// Endings of the files of which a folder may have one, the most telling first.
 const ENDINGS: [&[&str]; 9] =
     [&["sdf"], &["urdf"], &["xml", "mjcf"], &["glb"], &["gltf"], &["obj"], &["ply"], &["stl", "dae"], &["pcd", "xyz"]];
+/// Files with a surface, or with points of one.
+const FILE: FileKind =
+    FileKind::geometry("a mesh: .obj, .stl, .ply, .dae, .gltf or .glb, or a cloud: .ply, .pcd or .xyz");
 /// Names of links that are told.
 const MOST_NAMES: usize = 20;
 /// Shapes of a link at most.
@@ -84,7 +87,7 @@ impl Source {
         let named = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if !is_description {
             let file = path.display().to_string();
-            let bytes = MESH.read(&path)?;
+            let bytes = FILE.read(&path)?;
             if is_cloud(&path, &bytes) {
                 let cloud = cloud_file::parse(&file, &bytes, false)?;
                 let scale = scale.unwrap_or_else(|| unit_of(scan::length(&cloud)).map_or(1.0, |(_, scale)| scale));
@@ -92,6 +95,9 @@ impl Source {
                 return Ok(Self { file, named, surface, findings, ..Self::default() });
             }
             drop(bytes);
+            if !ENDINGS.iter().any(|it| it.contains(&ending(&path).as_str())) {
+                return Err(InputError::new(file, "extension", format!("`{}`", ending(&path)), FILE.expected));
+            }
             let (groups, in_metres) = surface_file::read(&path)?;
             let surface = merged(groups);
             let findings = vec![format!("{file}: {} triangles", surface.triangles.len())];

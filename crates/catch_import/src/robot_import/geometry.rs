@@ -115,8 +115,14 @@ fn rounded_outwards(capsule: &Capsule) -> Capsule {
 }
 
 /// The fault of a surface that is larger than a part of an arm.
-fn too_large(geometry: &Geometry, surface: &TriangleMesh) -> Option<InputError> {
-    let extent_m = surface.aabb().size.max();
+fn too_large(geometry: &Geometry, groups: &[TriangleMesh]) -> Option<InputError> {
+    let places = || groups.iter().flat_map(|it| &it.vertices);
+    let along = |axis: usize| {
+        let [least, most] = places()
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], it| [least.min(it[axis]), most.max(it[axis])]);
+        most - least
+    };
+    let extent_m = (0..3).map(along).fold(0.0, f64::max);
     if extent_m.is_finite() && extent_m <= MOST_EXTENT_M {
         return None;
     }
