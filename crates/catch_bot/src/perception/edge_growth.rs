@@ -4,8 +4,9 @@
 //! both, so that the edge of the object's pixels is blurred, and lies somewhere beside the silhouette: alike
 //! all around the object in one image.
 
-/// Standard deviation of a single pixel's place at an edge, by the edge's width: of the normal distribution
-/// that fits best where a quarter of the pixels beside an object show it, and a tenth at its edge lie between.
+/// Standard deviation of a single pixel's place at an edge, by the edge's width: that of the normal
+/// distribution that fits best where a quarter of the pixels beside an object show it, and a tenth along its
+/// edge lie between.
 const BLUR_FRACTION: f64 = 0.525;
 /// Expected growth of objects, by the edge's width.
 const EXPECTED_FRACTION: f64 = 0.25;
