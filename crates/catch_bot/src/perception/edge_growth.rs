@@ -58,8 +58,8 @@ mod tests {
     use super::*;
     use crate::perception::normal_distribution::bound_cost;
 
-    /// Pixels within the edge's width of a silhouette show the object so often: where they are on it, and where
-    /// they are beside it. Half of the depths between both surfaces count as the object's.
+    /// Fraction of the pixels within the edge's width of a silhouette that show the object: on it, and
+    /// beside it. Half of the depths between both surfaces count as the object's.
     const ON_IT: f64 = 0.95;
     const BESIDE_IT: f64 = 0.3;
 
