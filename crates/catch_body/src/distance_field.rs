@@ -56,12 +56,14 @@ impl DistanceField {
     }
 
     /// Signed distance in metres and its gradient.
+    #[inline]
     pub fn at(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         self.fine.at(point).or_else(|| self.coarse.at(point)).unwrap_or_else(|| self.coarse.beyond(point))
     }
 
     /// Distance by the coarse nodes alone, which are few enough to stay in the cache: for coarse decisions
     /// about points that are far from each other.
+    #[inline]
     pub fn about_m(&self, point: &Point3<f64>) -> f64 {
         self.coarse.at(point).unwrap_or_else(|| self.coarse.beyond(point)).0
     }

@@ -45,6 +45,7 @@ pub struct Row {
 
 impl Row {
     /// A row with these entries.
+    #[inline]
     pub fn new(a: Variables) -> Self {
         let first = a.iter().position(|it| *it != 0.0).unwrap_or(0);
         let last = a.iter().rposition(|it| *it != 0.0).map_or(0, |it| it + 1);
@@ -52,6 +53,7 @@ impl Row {
     }
 
     /// Returns whether the row is zero.
+    #[inline]
     pub fn is_zero(&self) -> bool {
         self.last == 0
     }

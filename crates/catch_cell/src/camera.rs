@@ -50,6 +50,7 @@ impl CameraModel {
     }
 
     /// Point in C seen at image coordinates `uv` at depth `depth_m` along the optical axis.
+    #[inline]
     pub fn back_project(&self, uv: &Point2<f64>, depth_m: f64) -> Point3<f64> {
         let [cx, cy] = self.principal_px;
         Point3::new((uv.x - cx) / self.focal_px * depth_m, (uv.y - cy) / self.focal_px * depth_m, depth_m)
@@ -57,6 +58,7 @@ impl CameraModel {
 
     /// Image coordinates in pixels of a point in C, given in metres; `None` behind the camera. They may lie
     /// outside of the image.
+    #[inline]
     pub fn project(&self, p_C: &Point3<f64>) -> Option<Point2<f64>> {
         let [cx, cy] = self.principal_px;
         (p_C.z > 1e-6).then(|| Point2::new(cx + self.focal_px * p_C.x / p_C.z, cy + self.focal_px * p_C.y / p_C.z))
@@ -124,12 +126,14 @@ impl PixelWindow {
     }
 
     /// Returns whether a point of the image, in pixels, lies in the window.
+    #[inline]
     pub fn contains(&self, uv: &Point2<f64>) -> bool {
         let within = |at: f64, range: Range<u32>| at >= f64::from(range.start) && at < f64::from(range.end);
         within(uv.x, self.columns()) && within(uv.y, self.rows())
     }
 
     /// Image coordinates of the centre of the `index`-th pixel, row by row.
+    #[inline]
     pub fn pixel_centre(&self, index: usize) -> Point2<f64> {
         let width = self.width as usize;
         let (column, row) = (index % width, index / width);
