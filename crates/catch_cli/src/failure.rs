@@ -72,7 +72,7 @@ impl Failure {
                     ("it twice".to_owned(), "it once".to_owned())
                 }
                 // An option of the throw that the program makes without a command, before one.
-                ErrorKind::ArgumentConflict if commands().any(|it| it == *argument) => {
+                ErrorKind::ArgumentConflict if texts(InvalidSubcommand).contains(argument) => {
                     ("options before it".to_owned(), format!("`{argument}` first, and then its options"))
                 }
                 ErrorKind::ArgumentConflict => {
