@@ -28,7 +28,7 @@ use catch_recording::{
 use nalgebra::{Point3, Vector3};
 
 const RADIUS_M: f64 = 0.0336;
-const READY_RAD: [f64; 7] = [-1.143, 0.714, 1.782, -0.871, 1.247, 0.657, 0.784];
+const READY_RAD: [f64; 7] = [-1.482, 1.075, 1.562, -1.123, 0.910, 1.270, 1.473];
 const FRAME_S: f64 = 0.01;
 /// Time from an observation until the command that answers it arrives, and what the brain expects it to be.
 const LATENCY_S: f64 = 0.004;
