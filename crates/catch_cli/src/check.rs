@@ -52,7 +52,7 @@ pub fn run(arguments: &CheckArguments, json: bool) -> anyhow::Result<()> {
         let files = checked.iter().map(|(file, (kind, it))| {
             json!({ "file": file.to_string_lossy(), "kind": kind, "faults": it.faults, "notes": it.notes })
         });
-        // The first key makes an object of nothing.
+        // Without a failure this is null, of which a first key makes an object.
         let mut document = json!(failure);
         document["files"] = files.collect();
         screen::document(&document)?;

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point2, Vector2};
 
-/// Where crossings are looked for.
+/// Settings of the search for crossings.
 #[derive(Debug, Clone, Copy)]
 pub struct Search {
     /// Pixels to each side of a crossing, one at least: the arm on one side, nothing on the other.

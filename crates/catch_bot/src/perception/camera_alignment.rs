@@ -32,7 +32,7 @@ pub struct CameraAlignment {
     /// The cameras, turned to where they look as far as is known.
     pub cameras: Vec<CameraModel>,
     /// Silhouette of the arm in each camera.
-    outlines: Vec<Vec<Edge>>,
+    silhouettes: Vec<Vec<Edge>>,
     /// Link poses and gripper aperture of the arm whose silhouettes these are.
     stood: Option<(LinkPoses, f64)>,
     /// Number of each camera's images that were evaluated.
@@ -55,7 +55,7 @@ const ENOUGH_IMAGES: usize = 8;
 impl CameraAlignment {
     /// Cameras as they are `told` to stand.
     pub fn new(told: &[CameraModel]) -> Self {
-        Self { cameras: told.to_vec(), outlines: Vec::new(), stood: None, images: vec![0; told.len()] }
+        Self { cameras: told.to_vec(), silhouettes: Vec::new(), stood: None, images: vec![0; told.len()] }
     }
 
     /// Begins with an arm that will be waiting where `surroundings` say, which makes the first image cost no
@@ -71,11 +71,12 @@ impl CameraAlignment {
     /// Works out where the silhouette of the arm should be.
     fn silhouette(&mut self, told: &[CameraModel], known: &Surroundings<'_>, config: &Config) {
         self.stood = Some((known.X_WL, known.width_m));
-        self.outlines.clear();
+        self.silhouettes.clear();
         for camera in told {
             let background = Background::new(camera, Some(known), &camera.full_window(), config);
             let still = background.cast_all();
-            self.outlines.push(silhouette(camera.width_px as usize, &still, |uv| background.depth_m(uv).is_finite()));
+            self.silhouettes
+                .push(silhouette(camera.width_px as usize, &still, |uv| background.depth_m(uv).is_finite()));
         }
     }
 
@@ -111,7 +112,7 @@ impl CameraAlignment {
             }
             let i = frame.camera;
             self.images[i] += 1;
-            let (camera, silhouette) = (&told[i], &mut self.outlines[i]);
+            let (camera, silhouette) = (&told[i], &mut self.silhouettes[i]);
             for edge in silhouette.iter_mut() {
                 edge.look(camera.width_px as usize, |pixel| {
                     let depth_m = frame.depth_m[pixel];
@@ -195,7 +196,7 @@ mod tests {
 
     /// A line at 37.3 px between nothing and something, half of whose pixels beyond the first are missing.
     #[test]
-    fn an_outline_is_found_although_pixels_are_missing() {
+    fn a_silhouette_is_found_although_pixels_are_missing() {
         let shown: Vec<bool> = (0..64).map(|k| k == 37 || (k > 37 && k % 2 == 0)).collect();
         let still: Vec<f32> = (0..64).map(|k| if k >= 37 { 1.0 } else { f32::INFINITY }).collect();
         let mut found = silhouette(64, &still.repeat(3), |uv| uv.x > 37.3);

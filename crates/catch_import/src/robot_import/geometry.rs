@@ -7,7 +7,7 @@ use crate::{
     description::{Body, Geometry, Shape},
     mesh_files::MeshFiles,
 };
-use catch_body::{InputError, TriangleMesh, shape::Capsule};
+use catch_body::{InputError, TriangleMesh, neighbours::bounds, shape::Capsule};
 use nalgebra::{Point3, Vector3};
 
 use super::visual_mesh::{joined, seen_from_outside};
@@ -114,19 +114,35 @@ fn rounded_outwards(capsule: &Capsule) -> Capsule {
     Capsule { from, to, radius: ((capsule.radius + moved) * STEPS_PER_M).ceil() / STEPS_PER_M }
 }
 
-/// The fault of a surface that is larger than a part of an arm.
+/// The fault of a surface whose groups together are larger than a part of an arm.
 fn too_large(geometry: &Geometry, groups: &[TriangleMesh]) -> Option<InputError> {
-    let places = || groups.iter().flat_map(|it| &it.vertices);
-    let along = |axis: usize| {
-        let [least, most] = places()
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], it| [least.min(it[axis]), most.max(it[axis])]);
-        most - least
-    };
-    let extent_m = (0..3).map(along).fold(0.0, f64::max);
-    if extent_m.is_finite() && extent_m <= MOST_EXTENT_M {
+    let vertices: Vec<Point3<f64>> = groups.iter().flat_map(|it| it.vertices.iter().copied()).collect();
+    let (low, high) = bounds(&vertices);
+    let extents_m = high - low;
+    if extents_m.iter().all(|it| *it <= MOST_EXTENT_M) {
         return None;
     }
+    let extent_m = extents_m.max();
     let named = if let Shape::Mesh { file, .. } = &geometry.shape { file } else { "a shape" };
     let expected = format!("at most {MOST_EXTENT_M} m: a part of an arm, in metres (`scale=\"0.001 0.001 0.001\"`)");
     Some(InputError::new(named, "extent", format!("{extent_m} m"), expected))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use catch_body::{Pose, shape::Cuboid};
+
+    #[test]
+    fn groups_that_are_far_apart_are_too_large_together() {
+        let shape = Shape::Mesh { file: "link.obj".into(), scale: Vector3::repeat(1.0) };
+        let geometry = Geometry { X_LS: Pose::identity(), shape };
+        let at =
+            |x: f64| TriangleMesh::cuboid(&Cuboid { centre: Point3::new(x, 0.0, 0.0), size: Vector3::repeat(0.1) });
+        assert_eq!(too_large(&geometry, &[at(0.0), at(2.0)]), None);
+        for far in [4.0, f64::INFINITY, f64::NAN] {
+            let fault = too_large(&geometry, &[at(0.0), at(far)]).unwrap().to_string();
+            assert!(fault.starts_with("link.obj: extent: found "), "{fault}");
+        }
+    }
 }
