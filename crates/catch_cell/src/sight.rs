@@ -32,6 +32,11 @@ pub struct Sight<'a> {
 }
 
 impl<'a> Sight<'a> {
+    /// Number of triangles of the surface.
+    pub fn triangles(&self) -> usize {
+        self.surface.mesh.triangles.len()
+    }
+
     /// A surface with its pose X_WB.
     pub fn new(camera: &'a CameraModel, X_WB: &Pose, surface: &'a RayCaster) -> Self {
         let X_BC = X_WB.inv_mul(&camera.X_WC);
@@ -104,7 +109,7 @@ impl<'a> Sight<'a> {
     /// Puts the surface, number `number` of a buffer, where it is nearer than what is there.
     fn draw(&self, number: u32, buffer: &mut DepthBuffer) {
         let part = self.window.intersection(&buffer.window);
-        if self.nearest_m() <= NEAR_M || self.surface.mesh.triangles.len() >= TRIANGLES_PER_PIXEL * part.area() {
+        if self.nearest_m() <= NEAR_M || self.triangles() >= TRIANGLES_PER_PIXEL * part.area() {
             for row in part.rows() {
                 for column in part.columns() {
                     let pixel = buffer.pixel(column, row);
@@ -195,7 +200,7 @@ impl Pixel {
 }
 
 /// A z-buffer: the nearest surface behind the centre of each pixel in a window.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct DepthBuffer {
     window: PixelWindow,
     pixels: Vec<Pixel>,
@@ -205,12 +210,29 @@ impl DepthBuffer {
     /// Draws surfaces, numbered as they come. Of two that are equally near the first is seen. From near to
     /// far costs least.
     pub fn new<'a>(window: PixelWindow, surfaces: impl IntoIterator<Item = Sight<'a>>) -> Self {
-        let nothing = Pixel { depth_m: f64::INFINITY, surface: u32::MAX, triangle: 0 };
-        let mut buffer = Self { window, pixels: vec![nothing; window.area()] };
-        for (number, surface) in (0..).zip(surfaces) {
-            surface.draw(number, &mut buffer);
-        }
+        let mut buffer = Self::default();
+        buffer.redraw(window, surfaces);
         buffer
+    }
+
+    /// Draws other surfaces in the same memory.
+    pub fn redraw<'a>(&mut self, window: PixelWindow, surfaces: impl IntoIterator<Item = Sight<'a>>) {
+        let nothing = Pixel { depth_m: f64::INFINITY, surface: u32::MAX, triangle: 0 };
+        self.window = window;
+        self.pixels.clear();
+        self.pixels.resize(window.area(), nothing);
+        for (number, surface) in (0..).zip(surfaces) {
+            surface.draw(number, self);
+        }
+    }
+
+    /// The depth that the pixel at image coordinates shows, infinite where that is none; `None` outside of
+    /// the window.
+    pub fn depth_m(&self, uv: &Point2<f64>) -> Option<f64> {
+        let Self { window, pixels } = self;
+        let [column, row] = [uv.x, uv.y].map(|at| at as u32);
+        let at = || (row - window.top) as usize * window.width as usize + (column - window.left) as usize;
+        window.contains(uv).then(|| pixels[at()].depth_m)
     }
 
     /// Number of the surface that each pixel shows, row by row, and where it is hit; its parameter is the
@@ -306,13 +328,14 @@ mod tests {
             };
             let sights: Vec<Sight> = (0..).zip(&surfaces).map(|(i, it)| Sight::new(&camera, &at(i), it)).collect();
             let window = PixelWindow { left, top: 7, width, height: 61 }.intersection(&camera.full_window());
-            let seen = DepthBuffer::new(window, sights.iter().copied());
-            for (pixel, seen) in seen.pixels().enumerate() {
+            let buffer = DepthBuffer::new(window, sights.iter().copied());
+            for (pixel, seen) in buffer.pixels().enumerate() {
                 let uv = window.pixel_centre(pixel);
                 let nearest = sights.iter().enumerate().fold(None, |nearest: Option<(usize, Hit)>, (i, sight)| {
                     sight.at(&uv, nearest.map_or(f64::INFINITY, |(_, hit)| hit.t)).map(|hit| (i, hit)).or(nearest)
                 });
                 prop_assert_eq!(seen, nearest, "pixel {}", pixel);
+                prop_assert_eq!(buffer.depth_m(&uv), Some(nearest.map_or(f64::INFINITY, |(_, hit)| hit.t)));
             }
         }
     }

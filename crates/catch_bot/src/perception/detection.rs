@@ -1,7 +1,7 @@
 //! Position of an object that is not tracked yet: blobs of pixels in front of the known background, in
 //! several cameras that agree on one point.
 
-use catch_cell::{CameraModel, DepthFrame};
+use catch_cell::{CameraModel, DepthFrame, sight::DepthBuffer};
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
 use super::{
@@ -21,6 +21,8 @@ pub(super) struct Detector {
     /// True for a pixel that is a candidate and that no blob has taken yet; all false between two images.
     is_free: Vec<bool>,
     stack: Vec<u32>,
+    /// Room for what the arm's surface hides.
+    drawn: DepthBuffer,
 }
 
 /// Pixels of one image that hang together, without a step in depth as high as half the object.
@@ -62,7 +64,7 @@ impl Detector {
             if let Some(camera) = cameras.get(frame.camera) {
                 let surroundings = surroundings.get(index);
                 let background = Background::new(camera, surroundings, &frame.window, config);
-                self.choose_candidates(frame, camera, known.limits_m(frame.camera, surroundings), &background, config);
+                self.choose_candidates(frame, camera, known.limits_m(frame.camera, surroundings), background, config);
                 self.add_blobs(frame, camera, reference, config);
             }
         }
@@ -106,14 +108,14 @@ impl Detector {
         refined
     }
 
-    /// The pixels of one image that show something in front of all that is known to be there. Rays are cast
-    /// for those alone that what is known of a waiting arm does not explain.
+    /// The pixels of one image that show something in front of all that is known to be there. The arm's
+    /// surface decides where what is known of a waiting arm does not.
     fn choose_candidates(
         &mut self,
         frame: &DepthFrame,
         camera: &CameraModel,
         known_m: Option<&[f32]>,
-        background: &Background<'_>,
+        background: Background<'_>,
         config: &Config,
     ) {
         const ANYWHERE: [f32; RUN] = [f32::INFINITY; RUN];
@@ -130,17 +132,19 @@ impl Detector {
                 if !depths_m.iter().zip(limits_m).fold(false, |any, both| any | is_near(both)) {
                     continue;
                 }
-                for (i, both) in depths_m.iter().zip(limits_m).enumerate().filter(|(_, both)| is_near(*both)) {
-                    let column = run * RUN + i;
-                    let uv = Point2::new((left + column) as f64 + 0.5, (top + row) as f64 + 0.5);
-                    let is_before = |known_m: f64| f64::from(*both.0) < nearer_than_m(known_m, config);
-                    // The surroundings of the pixel cost more rays.
-                    if is_before(background.depth_m(&uv)) && is_before(background.nearest_m(&uv)) {
-                        self.candidates.push((row * columns + column) as u32);
-                    }
-                }
+                let near = depths_m.iter().zip(limits_m).enumerate().filter(|(_, both)| is_near(*both));
+                self.candidates.extend(near.map(|(i, _)| (row * columns + run * RUN + i) as u32));
             }
         }
+        let Self { candidates, drawn, .. } = self;
+        let mut background: Background<'_> = background;
+        background.draw(&frame.window, candidates.len(), drawn);
+        candidates.retain(|&i| {
+            let (uv, found_m) = (frame.window.pixel_centre(i as usize), f64::from(frame.depth_m[i as usize]));
+            let is_before = |known_m: f64| found_m < nearer_than_m(known_m, config);
+            // The surroundings of the pixel cost more rays.
+            is_before(background.depth_m(&uv)) && is_before(background.nearest_m(&uv))
+        });
     }
 
     /// The blobs of one image that could be the object.

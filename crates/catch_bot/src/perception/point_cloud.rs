@@ -1,7 +1,7 @@
 //! Conversion of pixels to points in W that belong to the object.
 
 use catch_body::{Pose, quantity};
-use catch_cell::{CameraModel, DepthFrame, PixelWindow};
+use catch_cell::{CameraModel, DepthFrame, PixelWindow, sight::DepthBuffer};
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -62,6 +62,9 @@ pub(super) struct PointResidual {
     pub by_depth_m: f64,
 }
 
+/// Points of an image that are kept, and rays of its silhouette, evenly: an object that passes a camera
+/// closely fills its image, and more of what errs together would cost time and tell nothing.
+pub(super) const MOST_OF_IMAGE: usize = 512;
 /// Points, silhouette rays and labels for which there is room from the start, so that larger images of the
 /// object than those before do not allocate.
 const ROOM_POINTS: usize = 4096;
@@ -80,6 +83,8 @@ pub struct SceneCloud {
     shown: Vec<Shown>,
     /// Labels of the pixels of frames that have no mask.
     labels: Vec<Label>,
+    /// Room for what is known to be behind them.
+    drawn: DepthBuffer,
 }
 
 /// A frame that shows the object.
@@ -142,8 +147,8 @@ impl SceneCloud {
                 (None, Some(expected)) if part.area() > 0 => {
                     let from = self.labels.len();
                     let background = Background::new(camera, surroundings.get(index), &part, config);
-                    let search = Search { frame, part: &part, background: &background, expected: &expected, config };
-                    let pixels = search.label(&mut self.labels);
+                    let search = Search { frame, part: &part, background, expected: &expected, config };
+                    let pixels = search.label(&mut self.labels, &mut self.drawn);
                     labelled = Some((part, from));
                     image.collect(points, &pixels, config, label_in(frame, part, &self.labels[from..]));
                     pixels
@@ -218,6 +223,22 @@ impl SceneCloud {
     }
 }
 
+/// Leaves about `most` of the items from `first` on where there are more, evenly: fractions of multiples of
+/// the golden ratio fall everywhere alike, whatever the length of an image's rows.
+pub(super) fn thin<T>(items: &mut Vec<T>, first: usize, most: usize) {
+    /// The fraction of the golden ratio, in units of 2⁻³².
+    const GOLDEN: u32 = 0x9E37_79B9;
+    let count = items.len() - first;
+    if count > most {
+        let limit = (most << 32) / count;
+        let mut index = 0_u32;
+        items.retain(|_| {
+            index += 1;
+            index as usize <= first || (index.wrapping_mul(GOLDEN) as usize) < limit
+        });
+    }
+}
+
 /// Mean standard deviation of depths in metres.
 pub(super) fn mean_sd_m(points: &[ScenePoint]) -> f64 {
     points.iter().map(|it| it.depth_sd_m).sum::<f64>() / points.len().max(1) as f64
@@ -257,7 +278,7 @@ impl Image<'_> {
         let top = (part.top - frame.window.top.min(part.top)) as usize;
         let R_WC = camera.X_WC.rotation.to_rotation_matrix();
         let p_WC = camera.X_WC.translation.vector;
-        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+        let (mut low, mut high, first) = ([usize::MAX; 2], [0; 2], points.len());
         for row in top..top + part.height as usize {
             for column in left..left + part.width as usize {
                 if label(column, row) != Label::Object {
@@ -280,6 +301,7 @@ impl Image<'_> {
                 });
             }
         }
+        thin(points, first, MOST_OF_IMAGE);
         if low[0] >= high[0] {
             return PixelWindow::default();
         }
@@ -289,5 +311,34 @@ impl Image<'_> {
             width: (high[0] - low[0]) as u32,
             height: (high[1] - low[1]) as u32,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::perception::synthetic::{self, Shape};
+
+    /// As near as this a ball covers 12,000 pixels.
+    #[test]
+    fn an_object_that_fills_an_image_leaves_as_much_from_all_over_it() {
+        let camera = CameraModel::with_field_of_view(Pose::identity(), 400, 300, 1.0);
+        let shape = Shape::ball();
+        let (reference, config) = (synthetic::reference(&shape, 100), Config::default());
+        let frame = synthetic::depth_frame(0, &camera, &shape, &Pose::translation(0.0, 0.0, 0.15), 0.0);
+        let shown = frame.depth_m.iter().enumerate().filter(|(_, depth_m)| depth_m.is_finite());
+        let shown = shown.map(|(i, depth_m)| camera.back_project(&frame.window.pixel_centre(i), f64::from(*depth_m)));
+        let shown: Vec<Vector3<f64>> = shown.map(|it| it.coords).collect();
+        assert!(shown.len() > 10_000, "{}", shown.len());
+        let middle = shown.iter().sum::<Vector3<f64>>() / shown.len() as f64;
+        let view = View { frames: &[frame], cameras: &[camera], ..View::default() };
+        let mut scene = SceneCloud::default();
+        scene.collect(&view, &reference, None, &config);
+        scene.collect_silhouette(&view, &reference, &config);
+        for count in [scene.points.len(), scene.silhouette.len()] {
+            assert!(count.abs_diff(MOST_OF_IMAGE) < 10, "{count}");
+        }
+        let off_m = (scene.centroid().coords - middle).norm();
+        assert!(off_m < 1e-3, "{off_m}");
     }
 }

@@ -16,7 +16,7 @@ use catch_cell::{
     CameraModel, DepthFrame, PixelWindow,
     sight::{DepthBuffer, Sight},
 };
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Point2, Point3, Vector2, Vector3};
 
 use super::Config;
 
@@ -73,7 +73,13 @@ pub struct Background<'a> {
     floor: Option<(f64, Vector3<f64>)>,
     /// Distance beside an edge of these bodies within which a pixel may show them, in pixels.
     bleeding_px: u32,
+    /// What pixels show of these bodies, where they have been drawn.
+    drawn: Option<&'a DepthBuffer>,
 }
+
+/// Bodies are drawn rather than asked ray by ray where they have fewer triangles than this for each ray: a ray
+/// takes as long as so many triangles.
+const TRIANGLES_PER_RAY: usize = 4;
 
 impl<'a> Background<'a> {
     /// Background of a part of an image.
@@ -107,7 +113,17 @@ impl<'a> Background<'a> {
         let bodies = std::array::from_fn(|_| in_sight.next());
         let up_C = camera.X_WC.rotation.inverse() * Vector3::z();
         let floor = config.sees_floor().then_some((camera.X_WC.translation.z - FLOOR_Z_M, up_C));
-        Self { camera, bodies, floor, bleeding_px }
+        Self { camera, bodies, floor, bleeding_px, drawn: None }
+    }
+
+    /// Draws the bodies around a part of the image, where that costs less than so many rays.
+    pub fn draw(&mut self, part: &PixelWindow, rays: usize, buffer: &'a mut DepthBuffer) {
+        let bodies = || self.bodies.iter().flatten().copied();
+        let triangles: usize = bodies().map(|it| it.triangles()).sum();
+        if triangles > 0 && triangles < TRIANGLES_PER_RAY * rays {
+            buffer.redraw(part.widened(self.bleeding_px, &self.camera.full_window()), bodies());
+            self.drawn = Some(buffer);
+        }
     }
 
     /// Depths of the full image, row by row.
@@ -115,9 +131,8 @@ impl<'a> Background<'a> {
         let window = self.camera.full_window();
         let seen = DepthBuffer::new(window, self.bodies.iter().flatten().copied());
         let depth_m = |(i, seen): (usize, Option<(usize, Hit)>)| {
-            let floor_m =
-                self.floor.map(|_| self.floor_m(&self.camera.back_project(&window.pixel_centre(i), 1.0).coords));
-            seen.map_or(f64::INFINITY, |(_, hit)| hit.t).min(floor_m.unwrap_or(f64::INFINITY)) as f32
+            let floor_m = self.floor_m(&self.camera.back_project(&window.pixel_centre(i), 1.0).coords);
+            seen.map_or(floor_m, |(_, hit)| hit.t.min(floor_m)) as f32
         };
         seen.pixels().enumerate().map(depth_m).collect()
     }
@@ -128,43 +143,36 @@ impl<'a> Background<'a> {
         if depth_m > 0.0 { depth_m } else { f64::INFINITY }
     }
 
-    /// Depth at image coordinates; infinite where there is nothing.
+    /// Depth at the centre of a pixel; infinite where there is nothing.
     pub fn depth_m(&self, uv: &Point2<f64>) -> f64 {
-        self.along_m(&self.camera.back_project(uv, 1.0).coords)
+        self.bodies_m(uv, self.floor_m(&self.camera.back_project(uv, 1.0).coords))
     }
 
     /// The least depth that may be measured there: that of anything within the width of an edge.
     pub fn nearest_m(&self, uv: &Point2<f64>) -> f64 {
-        let ray_C = self.camera.back_project(uv, 1.0).coords;
-        self.nearest_along_m(&ray_C, self.along_m(&ray_C))
+        self.nearest_beside_m(uv, self.depth_m(uv))
     }
 
-    /// Nearest depth along a ray whose third component is one, where the surface behind has a depth of
-    /// `behind_m`.
-    fn nearest_along_m(&self, ray_C: &Vector3<f64>, behind_m: f64) -> f64 {
+    /// The least depth that may be measured where the surface behind has a depth of `behind_m`.
+    fn nearest_beside_m(&self, uv: &Point2<f64>, behind_m: f64) -> f64 {
         if self.bleeding_px == 0 || self.bodies.iter().flatten().next().is_none() {
             return behind_m;
         }
-        let aside = f64::from(self.bleeding_px) / self.camera.focal_px;
-        let around =
-            [-aside, 0.0, aside].into_iter().flat_map(|x| [-aside, 0.0, aside].map(|y| Vector3::new(x, y, 0.0)));
-        let beside = |nearest_m: f64, ray_C: Vector3<f64>| {
-            self.bodies.iter().flatten().fold(nearest_m, |nearest_m, body| body_m(body, &ray_C, nearest_m))
-        };
-        around
-            .filter(|offset| *offset != Vector3::zeros())
-            .fold(behind_m, |nearest_m, offset| beside(nearest_m, ray_C + offset))
+        let aside = f64::from(self.bleeding_px);
+        let around = [-aside, 0.0, aside].into_iter().flat_map(|u| [-aside, 0.0, aside].map(|v| Vector2::new(u, v)));
+        let beside = around.filter(|offset| *offset != Vector2::zeros());
+        beside.fold(behind_m, |nearest_m, offset| self.bodies_m(&(uv + offset), nearest_m))
     }
 
-    /// Depth along a ray whose third component is one.
-    fn along_m(&self, ray_C: &Vector3<f64>) -> f64 {
-        self.bodies.iter().flatten().fold(self.floor_m(ray_C), |nearest_m, body| body_m(body, ray_C, nearest_m))
+    /// Depth of the nearest body at the centre of a pixel if it is nearer than `behind_m`, else that.
+    fn bodies_m(&self, uv: &Point2<f64>, behind_m: f64) -> f64 {
+        if let Some(depth_m) = self.drawn.and_then(|it| it.depth_m(uv)) {
+            return depth_m.min(behind_m);
+        }
+        let ray_C = self.camera.back_project(uv, 1.0).coords;
+        let nearer = |nearest_m: f64, body: &Sight<'_>| body.along(&ray_C, nearest_m).map_or(nearest_m, |hit| hit.t);
+        self.bodies.iter().flatten().fold(behind_m, nearer)
     }
-}
-
-/// Depth of a body along a ray whose third component is one, if it is nearer than `nearest_m`, else that.
-fn body_m(body: &Sight<'_>, ray_C: &Vector3<f64>, nearest_m: f64) -> f64 {
-    body.along(ray_C, nearest_m).map_or(nearest_m, |hit| hit.t)
 }
 
 /// Standard deviations of depth noise by which a pixel must be nearer than what is known to be there. Of 2.4
@@ -200,23 +208,30 @@ impl Expected {
     }
 }
 
+/// As many whole rays take the time of those that are asked what is behind a pixel and around it, most of
+/// which end where something nearer is known.
+const RAYS_OF_PIXEL: usize = 4;
+
 /// A part of a frame in which an object is expected.
 pub(super) struct Search<'a> {
     pub frame: &'a DepthFrame,
     pub part: &'a PixelWindow,
-    pub background: &'a Background<'a>,
+    pub background: Background<'a>,
     pub expected: &'a Expected,
     pub config: &'a Config,
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
     /// Labels the pixels of the part, row by row, and returns the box around those that show the object.
     ///
     /// What is behind a pixel costs a ray, so it is asked of pixels at the object's depth alone, and then of
     /// those beside the object's: all others are left unknown.
-    pub fn label(&self, labels: &mut Vec<Label>) -> PixelWindow {
+    pub fn label(mut self, labels: &mut Vec<Label>, buffer: &'a mut DepthBuffer) -> PixelWindow {
         let Self { frame, part, config, .. } = self;
         let (wide, high) = (part.width as usize, part.height as usize);
+        let row = |y: usize| &frame.depth_m[self.start_of_row(y)..][..wide];
+        let near = (0..high).flat_map(row).filter(|found_m| self.is_near(f64::from(**found_m))).count();
+        self.background.draw(part, RAYS_OF_PIXEL * near, buffer);
         let first = labels.len();
         labels.resize(first + wide * high, Label::Unknown);
         let labels = &mut labels[first..];
@@ -298,8 +313,7 @@ impl Search<'_> {
         if ray_C.dot(&centre_C.coords).powi(2) < ray_C.norm_squared() * grazing_m2 {
             return Label::Unknown;
         }
-        let behind_m = background.along_m(&ray_C);
-        let nearest_m = background.nearest_along_m(&ray_C, behind_m);
+        let nearest_m = background.nearest_m(&uv);
         // Too close to tell apart, or in front of where the object is.
         let is_hidden = nearest_m.is_finite() && nearest_m - radius_m - threshold_m(nearest_m, config) < centre_C.z;
         let is_behind = nearest_m.is_finite() && found_m > nearest_m - threshold_m(nearest_m, config);

@@ -14,6 +14,7 @@ use super::{
     edge_growth::EdgeGrowth,
     normal_distribution::{bound_cost, inverse_mills},
     normal_equations::{CommonError, OUTLIER_SD, Sums},
+    point_cloud::{MOST_OF_IMAGE, thin},
     reference::MODEL_SD_M,
     segmentation::Label,
     viewpoint::Viewpoint,
@@ -371,7 +372,7 @@ impl Silhouette {
         edge_px: u32,
         label: impl Fn(usize, usize) -> Label,
     ) {
-        let image = self.edges.len();
+        let (image, first) = (self.edges.len(), self.rays.len());
         self.edges.push(EdgeGrowth::new(edge_px));
         let (columns, rows) = (window.width as usize, window.height as usize);
         // One pixel more all around, where the image has it.
@@ -402,6 +403,7 @@ impl Silhouette {
                 self.rays.push(SilhouetteRay::new(p_WC, R_WC * (ray_C / length), inside, pixel_rad, image));
             }
         }
+        thin(&mut self.rays, first, MOST_OF_IMAGE);
     }
 }
 
