@@ -1,6 +1,7 @@
-//! Bodies against independent libraries, and quadratic programs against their conditions.
+//! Bodies against independent libraries, quadratic programs and symmetries against their conditions.
 
 mod all_arms;
 mod arm_dynamics;
 mod free_flight;
 mod quadratic_program;
+mod symmetry;

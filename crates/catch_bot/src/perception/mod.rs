@@ -25,7 +25,6 @@ pub mod registration;
 pub mod segmentation;
 pub mod silhouette;
 mod silhouette_shift;
-pub mod symmetry;
 #[cfg(test)]
 #[path = "../../tests/it/synthetic.rs"]
 pub(crate) mod synthetic;
@@ -40,12 +39,12 @@ use serde::{Deserialize, Serialize};
 use known_background::KnownBackground;
 
 pub use camera_health::CameraStatus;
+pub use catch_body::symmetry::{RotationGroup, Symmetry};
 pub use estimator::{GATE_M, ObjectFinder, PoseEstimator, SdfEstimator};
 pub use point_cloud::{DepthNoise, SceneCloud};
 pub use reference::{MODEL_SD_M, ReferenceModel};
 pub use registration::{Fit, MAX_RESIDUAL_M, MIN_POINTS, Registration};
 pub use segmentation::Surroundings;
-pub use symmetry::{RotationGroup, Symmetry};
 pub use view::{Prior, View};
 
 /// Settings of perception.

@@ -10,7 +10,7 @@ use catch_body::{
 use catch_cell::{CameraModel, DepthFrame, ReferenceScan};
 use nalgebra::{Matrix3, Matrix6, Point3, SymmetricEigen, Translation3, UnitQuaternion, Vector3, Vector6};
 
-use super::symmetry::Symmetry;
+use super::Symmetry;
 
 /// Error of the model itself, in metres: a point is off by this even without noise.
 pub const MODEL_SD_M: f64 = 0.0002;

@@ -14,7 +14,6 @@ mod pose_estimation;
 mod reach_map;
 mod reachability;
 mod sent_plans;
-mod symmetry;
 mod synthetic;
 mod terminal_velocity;
 mod trajectory_prediction;

@@ -3,7 +3,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use catch_body::{distance_field::DistanceField, pose::across};
+use crate::{distance_field::DistanceField, pose::across};
 use nalgebra::{Matrix3, Point3, SymmetricEigen, Unit, UnitQuaternion, Vector3};
 
 /// A finite group of rotations about the centre of mass, without the identity, in O.
@@ -117,7 +117,7 @@ impl Symmetry {
     /// its second moment ∫ x·xᵀ dV / V: it looks the same if the rotated points lie within `tolerance_m`
     /// (root mean square) of the surface, for single rotations within `confused_m`, for turns by any angle
     /// within half of that: what is not told apart in flight.
-    pub(super) fn find(
+    pub fn find(
         points: &[Point3<f64>],
         distance: &DistanceField,
         second_moment: &Matrix3<f64>,

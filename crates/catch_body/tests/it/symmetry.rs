@@ -1,6 +1,6 @@
-//! Symmetries of references.
+//! Symmetries of bodies.
 
-use catch_bot::perception::{RotationGroup, Symmetry};
+use catch_body::symmetry::{RotationGroup, Symmetry};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 #[test]
