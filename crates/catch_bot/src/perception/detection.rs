@@ -138,7 +138,7 @@ impl Detector {
         }
         let Self { candidates, drawn, .. } = self;
         let mut background: Background<'_> = background;
-        background.draw(&frame.window, candidates.len(), drawn);
+        background.draw(&frame.window, || candidates.len(), drawn);
         candidates.retain(|&i| {
             let (uv, found_m) = (frame.window.pixel_centre(i as usize), f64::from(frame.depth_m[i as usize]));
             let is_before = |known_m: f64| found_m < nearer_than_m(known_m, config);

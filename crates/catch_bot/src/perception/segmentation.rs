@@ -117,10 +117,10 @@ impl<'a> Background<'a> {
     }
 
     /// Draws the bodies around a part of the image, where that costs less than so many rays.
-    pub fn draw(&mut self, part: &PixelWindow, rays: usize, buffer: &'a mut DepthBuffer) {
+    pub fn draw(&mut self, part: &PixelWindow, rays: impl FnOnce() -> usize, buffer: &'a mut DepthBuffer) {
         let bodies = || self.bodies.iter().flatten().copied();
         let triangles: usize = bodies().map(|it| it.triangles()).sum();
-        if triangles > 0 && triangles < TRIANGLES_PER_RAY * rays {
+        if triangles > 0 && triangles < TRIANGLES_PER_RAY * rays() {
             buffer.redraw(part.widened(self.bleeding_px, &self.camera.full_window()), bodies());
             self.drawn = Some(buffer);
         }
@@ -145,32 +145,31 @@ impl<'a> Background<'a> {
 
     /// Depth at the centre of a pixel; infinite where there is nothing.
     pub fn depth_m(&self, uv: &Point2<f64>) -> f64 {
-        self.bodies_m(uv, self.floor_m(&self.camera.back_project(uv, 1.0).coords))
+        let ray_C = self.camera.back_project(uv, 1.0).coords;
+        self.bodies_m(uv, &ray_C, self.floor_m(&ray_C))
     }
 
     /// The least depth that may be measured there: that of anything within the width of an edge.
     pub fn nearest_m(&self, uv: &Point2<f64>) -> f64 {
-        self.nearest_beside_m(uv, self.depth_m(uv))
-    }
-
-    /// The least depth that may be measured where the surface behind has a depth of `behind_m`.
-    fn nearest_beside_m(&self, uv: &Point2<f64>, behind_m: f64) -> f64 {
-        if self.bleeding_px == 0 || self.bodies.iter().flatten().next().is_none() {
-            return behind_m;
+        let aside_px = f64::from(self.bleeding_px);
+        if self.bleeding_px == 0 || self.bodies[0].is_none() {
+            return self.depth_m(uv);
         }
-        let aside = f64::from(self.bleeding_px);
-        let around = [-aside, 0.0, aside].into_iter().flat_map(|u| [-aside, 0.0, aside].map(|v| Vector2::new(u, v)));
-        let beside = around.filter(|offset| *offset != Vector2::zeros());
-        beside.fold(behind_m, |nearest_m, offset| self.bodies_m(&(uv + offset), nearest_m))
+        let ray_C = self.camera.back_project(uv, 1.0).coords;
+        let offsets = [0.0, -1.0, 1.0].into_iter().flat_map(|u| [0.0, -1.0, 1.0].map(|v| Vector2::new(u, v)));
+        offsets.fold(self.floor_m(&ray_C), |nearest_m, offset| {
+            let beside_C = ray_C + (offset * (aside_px / self.camera.focal_px)).push(0.0);
+            self.bodies_m(&(uv + offset * aside_px), &beside_C, nearest_m)
+        })
     }
 
-    /// Depth of the nearest body at the centre of a pixel if it is nearer than `behind_m`, else that.
-    fn bodies_m(&self, uv: &Point2<f64>, behind_m: f64) -> f64 {
+    /// Depth of the nearest body at the centre of a pixel, along its ray in C, if it is nearer than
+    /// `behind_m`, else that.
+    fn bodies_m(&self, uv: &Point2<f64>, ray_C: &Vector3<f64>, behind_m: f64) -> f64 {
         if let Some(depth_m) = self.drawn.and_then(|it| it.depth_m(uv)) {
             return depth_m.min(behind_m);
         }
-        let ray_C = self.camera.back_project(uv, 1.0).coords;
-        let nearer = |nearest_m: f64, body: &Sight<'_>| body.along(&ray_C, nearest_m).map_or(nearest_m, |hit| hit.t);
+        let nearer = |nearest_m: f64, body: &Sight<'_>| body.along(ray_C, nearest_m).map_or(nearest_m, |hit| hit.t);
         self.bodies.iter().flatten().fold(behind_m, nearer)
     }
 }
@@ -206,6 +205,11 @@ impl Expected {
         let centre_C = camera.X_WC.inverse_transform_point(&X_WO.translation.vector.into());
         Self { window: camera.window_around(&centre_C, radius_m), centre_C, radius_m }
     }
+
+    /// Returns whether a depth may be that of the object.
+    fn is_near(&self, found_m: f64, config: &Config) -> bool {
+        (found_m - self.centre_C.z).abs() < self.radius_m + BACKGROUND_SD * config.depth_sd_m(found_m)
+    }
 }
 
 /// As many whole rays take the time of those that are asked what is behind a pixel and around it, most of
@@ -227,11 +231,11 @@ impl<'a> Search<'a> {
     /// What is behind a pixel costs a ray, so it is asked of pixels at the object's depth alone, and then of
     /// those beside the object's: all others are left unknown.
     pub fn label(mut self, labels: &mut Vec<Label>, buffer: &'a mut DepthBuffer) -> PixelWindow {
-        let Self { frame, part, config, .. } = self;
+        let Self { frame, part, expected, config, .. } = self;
         let (wide, high) = (part.width as usize, part.height as usize);
-        let row = |y: usize| &frame.depth_m[self.start_of_row(y)..][..wide];
-        let near = (0..high).flat_map(row).filter(|found_m| self.is_near(f64::from(**found_m))).count();
-        self.background.draw(part, RAYS_OF_PIXEL * near, buffer);
+        let rows = frame.depth_m[self.start_of_row(0)..].chunks(frame.window.width as usize).take(high);
+        let near = rows.flat_map(|row| &row[..wide]).filter(|found_m| expected.is_near(f64::from(**found_m), config));
+        self.background.draw(part, || RAYS_OF_PIXEL * near.count(), buffer);
         let first = labels.len();
         labels.resize(first + wide * high, Label::Unknown);
         let labels = &mut labels[first..];
@@ -245,7 +249,7 @@ impl<'a> Search<'a> {
                     continue;
                 }
                 for (x, found_m) in (run * RUN..).zip(depths_m) {
-                    if is_measured(f64::from(*found_m)) && self.is_near(f64::from(*found_m)) {
+                    if is_measured(f64::from(*found_m)) && expected.is_near(f64::from(*found_m), config) {
                         let label = self.judge(x, y);
                         labels[y * wide + x] = label;
                         if label == Label::Object {
@@ -296,12 +300,6 @@ impl<'a> Search<'a> {
         f64::from(self.frame.depth_m[self.start_of_row(y) + x])
     }
 
-    /// Returns whether a depth may be that of the object.
-    fn is_near(&self, found_m: f64) -> bool {
-        let Expected { centre_C, radius_m, .. } = self.expected;
-        (found_m - centre_C.z).abs() < radius_m + BACKGROUND_SD * self.config.depth_sd_m(found_m)
-    }
-
     fn judge(&self, x: usize, y: usize) -> Label {
         let Self { part, background, config, .. } = self;
         let Expected { centre_C, radius_m, .. } = self.expected;
@@ -323,7 +321,7 @@ impl<'a> Search<'a> {
             false => Label::Elsewhere,
             true if is_behind && is_hidden => Label::Unknown,
             true if is_behind => Label::Elsewhere,
-            true if self.is_near(found_m) => Label::Object,
+            true if self.expected.is_near(found_m, config) => Label::Object,
             true => Label::Unknown,
         }
     }
