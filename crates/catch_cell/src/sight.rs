@@ -18,6 +18,10 @@ use crate::{CameraModel, PixelWindow};
 const NEAR_M: f64 = 1e-3;
 /// A surface with fewer triangles than this for each pixel is rasterized.
 const TRIANGLES_PER_PIXEL: usize = 4;
+/// Triangles and pixels that are drawn, and pixels that are cleared, in the time of a ray; measured.
+const TRIANGLES_PER_RAY: usize = 4;
+const COVERED_PIXELS_PER_RAY: usize = 16;
+const CLEARED_PIXELS_PER_RAY: usize = 64;
 
 /// A surface in front of a camera.
 #[derive(Debug, Clone, Copy)]
@@ -32,9 +36,11 @@ pub struct Sight<'a> {
 }
 
 impl<'a> Sight<'a> {
-    /// Number of triangles of the surface.
-    pub fn triangles(&self) -> usize {
-        self.surface.mesh.triangles.len()
+    /// About how many rays take as long as drawing the surface in a window.
+    fn drawing_rays(&self, window: &PixelWindow) -> usize {
+        let covered = self.window.intersection(window).area();
+        let (triangles, pixels) = (self.surface.mesh.triangles.len(), covered / COVERED_PIXELS_PER_RAY);
+        if self.is_cast(covered) { covered } else { triangles / TRIANGLES_PER_RAY + pixels }
     }
 
     /// A surface with its pose X_WB.
@@ -106,10 +112,15 @@ impl<'a> Sight<'a> {
         PixelWindow::of(&pixels(0, 0..camera.width_px), &pixels(1, 0..camera.height_px))
     }
 
+    /// Returns whether rays draw this many pixels of the surface.
+    fn is_cast(&self, pixels: usize) -> bool {
+        self.nearest_m() <= NEAR_M || self.surface.mesh.triangles.len() >= TRIANGLES_PER_PIXEL * pixels
+    }
+
     /// Puts the surface, number `number` of a buffer, where it is nearer than what is there.
     fn draw(&self, number: u32, buffer: &mut DepthBuffer) {
         let part = self.window.intersection(&buffer.window);
-        if self.nearest_m() <= NEAR_M || self.triangles() >= TRIANGLES_PER_PIXEL * part.area() {
+        if self.is_cast(part.area()) {
             for row in part.rows() {
                 for column in part.columns() {
                     let pixel = buffer.pixel(column, row);
@@ -126,13 +137,16 @@ impl<'a> Sight<'a> {
     /// Draws a part of a buffer by scan conversion.
     fn rasterize(&self, number: u32, part: &PixelWindow, buffer: &mut DepthBuffer) {
         let mesh = &self.surface.mesh;
-        let slopes: Vec<f64> = part.columns().map(|column| self.ray_C(column, 0).x).collect();
+        let (mut slopes, mut vertices) = (std::mem::take(&mut buffer.slopes), std::mem::take(&mut buffer.vertices));
+        slopes.clear();
+        slopes.extend(part.columns().map(|column| self.ray_C(column, 0).x));
         let in_image = |p_B: &Point3<f64>| {
             let p_C = self.in_camera(p_B);
             let [u, v] = [0, 1].map(|axis| self.in_pixels(axis, p_C[axis] / p_C.z));
             Point3::new(u, v, p_C.z)
         };
-        let vertices: Vec<Point3<f64>> = mesh.vertices.iter().map(in_image).collect();
+        vertices.clear();
+        vertices.extend(mesh.vertices.iter().map(in_image));
         // Those that face the camera first, because they hide the others.
         for faces_camera in [true, false] {
             for (triangle, corners) in mesh.triangles.iter().enumerate() {
@@ -163,6 +177,7 @@ impl<'a> Sight<'a> {
                 }
             }
         }
+        (buffer.slopes, buffer.vertices) = (slopes, vertices);
     }
 
     /// The ray through a pixel's centre, in C; its third component is one.
@@ -204,6 +219,9 @@ impl Pixel {
 pub struct DepthBuffer {
     window: PixelWindow,
     pixels: Vec<Pixel>,
+    /// Room for the rays' slopes across the columns, and for the corners of a surface in the image.
+    slopes: Vec<f64>,
+    vertices: Vec<Point3<f64>>,
 }
 
 impl DepthBuffer {
@@ -213,6 +231,12 @@ impl DepthBuffer {
         let mut buffer = Self::default();
         buffer.redraw(window, surfaces);
         buffer
+    }
+
+    /// About how many rays take as long as [drawing](Self::redraw) these surfaces.
+    pub fn drawing_rays<'a>(window: &PixelWindow, surfaces: impl IntoIterator<Item = Sight<'a>>) -> usize {
+        let of_surfaces: usize = surfaces.into_iter().map(|it| it.drawing_rays(window)).sum();
+        window.area() / CLEARED_PIXELS_PER_RAY + of_surfaces
     }
 
     /// Draws other surfaces in the same memory.
@@ -229,7 +253,7 @@ impl DepthBuffer {
     /// The depth that the pixel at image coordinates shows, infinite where that is none; `None` outside of
     /// the window.
     pub fn depth_m(&self, uv: &Point2<f64>) -> Option<f64> {
-        let Self { window, pixels } = self;
+        let Self { window, pixels, .. } = self;
         let [column, row] = [uv.x, uv.y].map(|at| at as u32);
         let at = || (row - window.top) as usize * window.width as usize + (column - window.left) as usize;
         window.contains(uv).then(|| pixels[at()].depth_m)
@@ -242,7 +266,7 @@ impl DepthBuffer {
     }
 
     fn pixel(&mut self, column: u32, row: u32) -> &mut Pixel {
-        let Self { window, pixels } = self;
+        let Self { window, pixels, .. } = self;
         &mut pixels[(row - window.top) as usize * window.width as usize + (column - window.left) as usize]
     }
 }
@@ -328,7 +352,10 @@ mod tests {
             };
             let sights: Vec<Sight> = (0..).zip(&surfaces).map(|(i, it)| Sight::new(&camera, &at(i), it)).collect();
             let window = PixelWindow { left, top: 7, width, height: 61 }.intersection(&camera.full_window());
-            let buffer = DepthBuffer::new(window, sights.iter().copied());
+            // In the memory of another picture.
+            let mut buffer = DepthBuffer::new(camera.full_window(), sights[1..].iter().copied());
+            buffer.redraw(window, sights.iter().copied());
+            prop_assert_eq!(buffer.depth_m(&Point2::new(f64::from(left) + 0.5, 6.5)), None);
             for (pixel, seen) in buffer.pixels().enumerate() {
                 let uv = window.pixel_centre(pixel);
                 let nearest = sights.iter().enumerate().fold(None, |nearest: Option<(usize, Hit)>, (i, sight)| {

@@ -12,13 +12,13 @@ pub mod heuristics;
 
 use std::collections::BTreeMap;
 
-use catch_body::{DriveControl, Gripper, Pose, quantity, shape::Cuboid};
+use catch_body::{DriveControl, Gripper, Pose, quantity, shape::Cuboid, symmetry::Symmetry};
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
-use crate::perception::{ReferenceModel, Symmetry};
+use crate::perception::ReferenceModel;
 pub use closing::{Closing, Fingers};
 use darboux::darboux_frame;
 pub use fit::GraspFailure;

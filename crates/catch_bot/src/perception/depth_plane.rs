@@ -8,7 +8,7 @@
 use catch_body::{Pose, pose::across};
 use nalgebra::{Matrix2, Matrix3, Point3, Rotation3, Vector2, Vector3};
 
-use super::{ReferenceModel, normal_equations::NormalEquations, point_cloud::ScenePoint, silhouette::stride};
+use super::{ReferenceModel, normal_equations::NormalEquations, point_cloud::ScenePoint, thinning::stride};
 
 /// Standard deviation by which the places of an object's points are blurred, by the width of edges: pixels
 /// beside the object that show its depth spread them across the image, and flatten slopes.

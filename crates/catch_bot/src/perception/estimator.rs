@@ -11,7 +11,8 @@ use super::{
     point_cloud::SceneCloud,
     registration::{Fit, MIN_POINTS, Registration},
     segmentation::Label,
-    silhouette::{SILHOUETTE_ABOVE_M, stride},
+    silhouette::SILHOUETTE_ABOVE_M,
+    thinning::stride,
     view::{Prior, View},
 };
 

@@ -28,6 +28,7 @@ mod silhouette_shift;
 #[cfg(test)]
 #[path = "../../tests/it/synthetic.rs"]
 pub(crate) mod synthetic;
+mod thinning;
 mod view;
 mod viewpoint;
 

@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::{
     Config, ReferenceModel,
     segmentation::{Background, Expected, Label, Search},
-    silhouette::{Silhouette, stride},
+    silhouette::Silhouette,
+    thinning::{KEPT_OF_IMAGE, stride, thin},
     view::View,
 };
 
@@ -62,9 +63,6 @@ pub(super) struct PointResidual {
     pub by_depth_m: f64,
 }
 
-/// Points of an image that are kept, and rays of its silhouette, evenly: an object that passes a camera
-/// closely fills its image, and more of what errs together would cost time and tell nothing.
-pub(super) const MOST_OF_IMAGE: usize = 512;
 /// Points, silhouette rays and labels for which there is room from the start, so that larger images of the
 /// object than those before do not allocate.
 const ROOM_POINTS: usize = 4096;
@@ -223,22 +221,6 @@ impl SceneCloud {
     }
 }
 
-/// Leaves about `most` of the items from `first` on where there are more, evenly: fractions of multiples of
-/// the golden ratio fall everywhere alike, whatever the length of an image's rows.
-pub(super) fn thin<T>(items: &mut Vec<T>, first: usize, most: usize) {
-    /// The fraction of the golden ratio, in units of 2⁻³².
-    const GOLDEN: u32 = 0x9E37_79B9;
-    let count = items.len() - first;
-    if count > most {
-        let limit = (most << 32) / count;
-        let mut index = 0_u32;
-        items.retain(|_| {
-            index += 1;
-            index as usize <= first || (index.wrapping_mul(GOLDEN) as usize) < limit
-        });
-    }
-}
-
 /// Mean standard deviation of depths in metres.
 pub(super) fn mean_sd_m(points: &[ScenePoint]) -> f64 {
     points.iter().map(|it| it.depth_sd_m).sum::<f64>() / points.len().max(1) as f64
@@ -301,7 +283,7 @@ impl Image<'_> {
                 });
             }
         }
-        thin(points, first, MOST_OF_IMAGE);
+        thin(points, first, KEPT_OF_IMAGE);
         if low[0] >= high[0] {
             return PixelWindow::default();
         }
@@ -336,7 +318,7 @@ mod tests {
         scene.collect(&view, &reference, None, &config);
         scene.collect_silhouette(&view, &reference, &config);
         for count in [scene.points.len(), scene.silhouette.len()] {
-            assert!(count.abs_diff(MOST_OF_IMAGE) < 10, "{count}");
+            assert!(count.abs_diff(KEPT_OF_IMAGE) < 10, "{count}");
         }
         let off_m = (scene.centroid().coords - middle).norm();
         assert!(off_m < 1e-3, "{off_m}");

@@ -77,10 +77,6 @@ pub struct Background<'a> {
     drawn: Option<&'a DepthBuffer>,
 }
 
-/// Bodies are drawn rather than asked ray by ray where they have fewer triangles than this for each ray: a ray
-/// takes as long as so many triangles.
-const TRIANGLES_PER_RAY: usize = 4;
-
 impl<'a> Background<'a> {
     /// Background of a part of an image.
     pub fn new(
@@ -116,12 +112,12 @@ impl<'a> Background<'a> {
         Self { camera, bodies, floor, bleeding_px, drawn: None }
     }
 
-    /// Draws the bodies around a part of the image, where that costs less than so many rays.
+    /// Draws the bodies around a part of the image, where that takes less time than so many rays.
     pub fn draw(&mut self, part: &PixelWindow, rays: impl FnOnce() -> usize, buffer: &'a mut DepthBuffer) {
         let bodies = || self.bodies.iter().flatten().copied();
-        let triangles: usize = bodies().map(|it| it.triangles()).sum();
-        if triangles > 0 && triangles < TRIANGLES_PER_RAY * rays() {
-            buffer.redraw(part.widened(self.bleeding_px, &self.camera.full_window()), bodies());
+        let window = part.widened(self.bleeding_px, &self.camera.full_window());
+        if bodies().next().is_some() && DepthBuffer::drawing_rays(&window, bodies()) < rays() {
+            buffer.redraw(window, bodies());
             self.drawn = Some(buffer);
         }
     }
@@ -143,33 +139,30 @@ impl<'a> Background<'a> {
         if depth_m > 0.0 { depth_m } else { f64::INFINITY }
     }
 
-    /// Depth at the centre of a pixel; infinite where there is nothing.
+    /// Depth at image coordinates, infinite where there is nothing; of the pixel there, where bodies have been
+    /// drawn.
     pub fn depth_m(&self, uv: &Point2<f64>) -> f64 {
-        let ray_C = self.camera.back_project(uv, 1.0).coords;
-        self.bodies_m(uv, &ray_C, self.floor_m(&ray_C))
+        self.bodies_m(uv, self.floor_m(&self.camera.back_project(uv, 1.0).coords))
     }
 
     /// The least depth that may be measured there: that of anything within the width of an edge.
     pub fn nearest_m(&self, uv: &Point2<f64>) -> f64 {
-        let aside_px = f64::from(self.bleeding_px);
+        let (behind_m, aside_px) = (self.depth_m(uv), f64::from(self.bleeding_px));
         if self.bleeding_px == 0 || self.bodies[0].is_none() {
-            return self.depth_m(uv);
+            return behind_m;
         }
-        let ray_C = self.camera.back_project(uv, 1.0).coords;
-        let offsets = [0.0, -1.0, 1.0].into_iter().flat_map(|u| [0.0, -1.0, 1.0].map(|v| Vector2::new(u, v)));
-        offsets.fold(self.floor_m(&ray_C), |nearest_m, offset| {
-            let beside_C = ray_C + (offset * (aside_px / self.camera.focal_px)).push(0.0);
-            self.bodies_m(&(uv + offset * aside_px), &beside_C, nearest_m)
-        })
+        let offsets = [-1.0, 0.0, 1.0].into_iter().flat_map(|u| [-1.0, 0.0, 1.0].map(|v| Vector2::new(u, v)));
+        let beside = offsets.filter(|offset| *offset != Vector2::zeros());
+        beside.fold(behind_m, |nearest_m, offset| self.bodies_m(&(uv + offset * aside_px), nearest_m))
     }
 
-    /// Depth of the nearest body at the centre of a pixel, along its ray in C, if it is nearer than
-    /// `behind_m`, else that.
-    fn bodies_m(&self, uv: &Point2<f64>, ray_C: &Vector3<f64>, behind_m: f64) -> f64 {
+    /// Depth of the nearest body at image coordinates if it is nearer than `behind_m`, else that.
+    fn bodies_m(&self, uv: &Point2<f64>, behind_m: f64) -> f64 {
         if let Some(depth_m) = self.drawn.and_then(|it| it.depth_m(uv)) {
             return depth_m.min(behind_m);
         }
-        let nearer = |nearest_m: f64, body: &Sight<'_>| body.along(ray_C, nearest_m).map_or(nearest_m, |hit| hit.t);
+        let ray_C = self.camera.back_project(uv, 1.0).coords;
+        let nearer = |nearest_m: f64, body: &Sight<'_>| body.along(&ray_C, nearest_m).map_or(nearest_m, |hit| hit.t);
         self.bodies.iter().flatten().fold(behind_m, nearer)
     }
 }
@@ -212,8 +205,7 @@ impl Expected {
     }
 }
 
-/// As many whole rays take the time of those that are asked what is behind a pixel and around it, most of
-/// which end where something nearer is known.
+/// A pixel asks up to nine rays, most of which end early: they take as long as this many whole ones.
 const RAYS_OF_PIXEL: usize = 4;
 
 /// A part of a frame in which an object is expected.
@@ -335,11 +327,13 @@ fn is_measured(found_m: f64) -> bool {
 /// at least not clearly beside it: a straight edge has five on its inside and three on its outside.
 const HOLE_NEIGHBOURS: usize = 4;
 
-/// Labels pixels without a depth as unknown if the object surrounds them, where depths may be missing. Others
-/// without one, with nothing known behind them, are most likely beside the object: all of these have no
-/// depth, of the object's only a few.
+/// Labels pixels without a depth as unknown if the object surrounds them, where depths may be missing: most of
+/// a pixel's neighbours, or the object to all four sides of a larger hole. Others without one, with nothing
+/// known behind them, are most likely beside the object: all of these have no depth, of the object's only a
+/// few.
 fn mark_uncertain_holes(labels: &mut [Label], part: &PixelWindow, is_measured: impl Fn(u32, u32) -> bool) {
     let (wide, high) = (part.width as usize, part.height as usize);
+    let is_object = |labels: &[Label], at: usize| labels[at] == Label::Object;
     for i in 0..labels.len() {
         let (x, y) = (i % wide.max(1), i / wide.max(1));
         if labels[i] != Label::Elsewhere || is_measured(part.left + x as u32, part.top + y as u32) {
@@ -348,7 +342,15 @@ fn mark_uncertain_holes(labels: &mut [Label], part: &PixelWindow, is_measured: i
         let rows = y.saturating_sub(1)..(y + 2).min(high);
         let columns = x.saturating_sub(1)..(x + 2).min(wide);
         let shown = rows.flat_map(|row| columns.clone().map(move |column| row * wide + column));
-        if shown.filter(|&at| labels[at] == Label::Object).count() >= HOLE_NEIGHBOURS {
+        let is_enclosed = || {
+            let is_shown = |mut line: std::iter::StepBy<std::ops::Range<usize>>| line.any(|at| is_object(labels, at));
+            let (row, column) = (y * wide, x);
+            is_shown((row..i).step_by(1))
+                && is_shown((i..row + wide).step_by(1))
+                && is_shown((column..i).step_by(wide))
+                && is_shown((i..labels.len()).step_by(wide))
+        };
+        if shown.filter(|&at| is_object(labels, at)).count() >= HOLE_NEIGHBOURS || is_enclosed() {
             labels[i] = Label::Unknown;
         }
     }
@@ -377,6 +379,25 @@ mod tests {
         assert_eq!((labels[3 * 7 + 3], labels[2 * 7 + 3]), (Label::Unknown, Label::Unknown));
         let others = (0..49).filter(|i| ![24, 17].contains(i));
         assert!(others.into_iter().all(|i| labels[i] == before[i]));
+    }
+
+    /// Near a camera a hole is larger than its pixels' neighbours; a bay is none.
+    #[test]
+    fn a_hole_of_many_pixels_cannot_tell_but_a_bay_of_the_outline_can() {
+        let part = PixelWindow { left: 0, top: 0, width: 12, height: 12 };
+        let inside = |range: std::ops::Range<usize>, i: usize| range.contains(&(i % 12)) && range.contains(&(i / 12));
+        let labelled = |is_missing: &dyn Fn(usize) -> bool| -> Vec<Label> {
+            let label = |i| if inside(1..11, i) && !is_missing(i) { Label::Object } else { Label::Elsewhere };
+            let mut labels = (0..144).map(label).collect::<Vec<_>>();
+            mark_uncertain_holes(&mut labels, &part, |_, _| false);
+            labels
+        };
+        let hole = labelled(&|i| inside(4..8, i));
+        assert!((0..144).filter(|&i| inside(4..8, i)).all(|i| hole[i] == Label::Unknown));
+        assert!((0..144).filter(|&i| !inside(1..11, i)).all(|i| hole[i] == Label::Elsewhere));
+        // Four pixels wide, up to the upper edge.
+        let bay = labelled(&|i| (4..8).contains(&(i % 12)) && i / 12 < 6);
+        assert_eq!([bay[3 * 12 + 5], bay[3 * 12 + 6]], [Label::Elsewhere; 2]);
     }
 
     #[test]

@@ -14,9 +14,9 @@ use super::{
     edge_growth::EdgeGrowth,
     normal_distribution::{bound_cost, inverse_mills},
     normal_equations::{CommonError, OUTLIER_SD, Sums},
-    point_cloud::{MOST_OF_IMAGE, thin},
     reference::MODEL_SD_M,
     segmentation::Label,
+    thinning::{KEPT_OF_IMAGE, stride, thin},
     viewpoint::Viewpoint,
 };
 
@@ -403,13 +403,8 @@ impl Silhouette {
                 self.rays.push(SilhouetteRay::new(p_WC, R_WC * (ray_C / length), inside, pixel_rad, image));
             }
         }
-        thin(&mut self.rays, first, MOST_OF_IMAGE);
+        thin(&mut self.rays, first, KEPT_OF_IMAGE);
     }
-}
-
-/// Every which of `count` is taken over to be left with about `most`.
-pub(super) fn stride(count: usize, most: usize) -> usize {
-    count.div_ceil(most.max(1)).max(1)
 }
 
 #[cfg(test)]

@@ -27,14 +27,15 @@ pub mod terminal_velocity;
 
 use std::sync::Arc;
 
-use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance, quantity, shape::Cuboid};
+use catch_body::{
+    Gripper, JointVector, Pose, Robot, clearance::ArmClearance, quantity, shape::Cuboid, symmetry::Symmetry,
+};
 use catch_cell::{BSpline, Setpoint};
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     grasp_selection::{self, Approach, Grasp, GraspSet},
-    perception::Symmetry,
     trajectory_prediction::FlightTrajectory,
 };
 use failure_counter::FailureCounter;

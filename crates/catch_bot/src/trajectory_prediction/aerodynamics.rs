@@ -8,7 +8,7 @@
 //! poses are taken as they are, and velocities and angular velocities as fitted before, so that position,
 //! velocity, k, E, c_M, s and c follow from one linear problem with Gaussian priors.
 
-use catch_body::{dynamics::gravity, quantity};
+use catch_body::{dynamics::gravity, quantity, symmetry::Symmetry};
 use nalgebra::{Cholesky, Const, Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -17,7 +17,7 @@ use super::{
     correlated_error::CorrelatedSums,
     process_noise::{add_product, after_impulse, lost_square},
 };
-use crate::perception::{ObjectPose, Symmetry};
+use crate::perception::ObjectPose;
 
 /// Prior of the forces. Zero by default: there are none.
 #[quantity::checked(default, deny_unknown_fields)]

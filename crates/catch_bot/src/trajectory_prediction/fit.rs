@@ -16,6 +16,7 @@ use catch_body::{
         ballistic::{Law, Motion},
         tumbling::Tumbling,
     },
+    symmetry::Symmetry,
 };
 use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
 
@@ -25,7 +26,7 @@ use super::{
     inertia_per_kg,
     ransac::{is_finite, reach_m},
 };
-use crate::perception::{ObjectPose, Symmetry};
+use crate::perception::ObjectPose;
 use row::Row;
 use state::{DECAY, N, ROTATION, State, TURN, solved};
 

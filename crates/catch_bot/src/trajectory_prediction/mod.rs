@@ -13,7 +13,7 @@ mod process_noise;
 pub mod ransac;
 mod rotation_consensus;
 
-use catch_body::quantity;
+use catch_body::{quantity, symmetry::Symmetry};
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -24,7 +24,7 @@ pub use local_flight::LocalFlight;
 pub use process_noise::ProcessNoise;
 use ransac::Sampling;
 
-use crate::perception::{ObjectPose, Symmetry};
+use crate::perception::ObjectPose;
 
 /// Inertia tensor that rules an object's tumbling; none where ω, or what can be seen of it, is constant.
 pub fn inertia_per_kg(symmetry: &Symmetry) -> Option<Matrix3<f64>> {

@@ -3,6 +3,7 @@
 use catch_body::{
     dynamics::gravity,
     free_flight::ballistic::{Law, Motion},
+    symmetry::Symmetry,
 };
 use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -12,7 +13,7 @@ use super::{
     Config, FlightTrajectory, INLIER_M, PredictionStatus, WINDOW, inertia_per_kg,
     rotation_consensus::{Orientation, agree_on_rotation},
 };
-use crate::perception::{ObjectPose, Symmetry};
+use crate::perception::ObjectPose;
 
 /// Buffers of the search.
 #[derive(Debug, Clone, Default)]

@@ -6,11 +6,11 @@
 //! at all other poses. The best sample has the least sum of truncated squares (MSAC; Torr and Zisserman,
 //! 2000).
 
-use catch_body::free_flight::tumbling::Tumbling;
+use catch_body::{free_flight::tumbling::Tumbling, symmetry::Symmetry};
 use nalgebra::UnitQuaternion;
 
 use super::{Config, FlightTrajectory};
-use crate::perception::{ObjectPose, Symmetry};
+use crate::perception::ObjectPose;
 
 /// Longest time in seconds between the two poses of a sample: even at 25 rad/s the shortest turn is the one
 /// that was made.

@@ -8,7 +8,7 @@ use catch_bot::perception::{
     Config, DepthNoise, PerceptionStatus, PoseEstimator, Prior, SdfEstimator, Surroundings, Symmetry, View, Workspace,
     segmentation::Background,
 };
-use catch_cell::{CameraModel, DepthFrame};
+use catch_cell::{CameraModel, DepthFrame, PixelWindow, sight::DepthBuffer};
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::{
@@ -99,6 +99,33 @@ fn edges_of_the_arm_that_bleed_are_no_object() {
     };
     assert_eq!(found(&config), 0);
     assert!(found(&Config { depth_edge_px: None, ..config.clone() }) > 0, "edges that nobody expects are objects");
+}
+
+/// Whether bodies are drawn or asked ray by ray makes no difference, within the image and at its borders.
+#[test]
+fn drawn_bodies_are_where_their_rays_meet_them() {
+    let (robot, gripper) = arm();
+    let surface = ArmSurface::new(&robot, &gripper);
+    let surroundings = Surroundings { arm: &surface, X_WL: robot.link_poses(&robot.ready_q), width_m: 0.11 };
+    let (cameras, config) = (cameras(), config());
+    // In one memory, of which each picture needs another part.
+    let mut buffer = DepthBuffer::default();
+    let (mut shown, mut all) = (0, 0);
+    for camera in &cameras {
+        let PixelWindow { width, height, .. } = camera.full_window();
+        for (left, top) in [(0, 0), (width / 3, height / 4), (width / 2, height / 2)] {
+            let part = PixelWindow { left, top, width: width - left, height: height / 3 };
+            let asked = Background::new(camera, Some(&surroundings), &part, &config);
+            let mut drawn = Background::new(camera, Some(&surroundings), &part, &config);
+            drawn.draw(&part, || usize::MAX, &mut buffer);
+            for uv in (0..part.area()).step_by(37).map(|i| part.pixel_centre(i)) {
+                assert_eq!(drawn.depth_m(&uv), asked.depth_m(&uv), "{uv}");
+                assert_eq!(drawn.nearest_m(&uv), asked.nearest_m(&uv), "{uv}");
+                (shown, all) = (shown + usize::from(asked.nearest_m(&uv).is_finite()), all + 1);
+            }
+        }
+    }
+    assert!(shown > 100 && all > 2 * shown, "{shown} of {all} pixels show the arm");
 }
 
 /// An object that one camera alone shows counts only where no other camera would have seen it.

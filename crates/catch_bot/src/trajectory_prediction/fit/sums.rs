@@ -1,5 +1,6 @@
 //! The normal equations of a fit.
 
+use catch_body::symmetry::Symmetry;
 use nalgebra::{Matrix3, SMatrix, SVector};
 
 use super::{
@@ -8,7 +9,6 @@ use super::{
     row::Row,
     state::{DECAY, DRAG, N, ROTATION, SPIN, State, TURN},
 };
-use crate::perception::Symmetry;
 
 /// Error in scaled standard deviations per degree of freedom at which a pose's weight has fallen to a
 /// quarter.
