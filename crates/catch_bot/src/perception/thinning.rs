@@ -1,7 +1,8 @@
 //! Thinning: fewer points and rays where there are more than help.
 
-/// Points of an image that are kept, and rays of its silhouette, about. An object that passes a camera closely
-/// fills its image: all of its pixels would take ten times as long, and most of their errors are common ones.
+/// Points of an image that are kept, and rays of its silhouette, about. An object that passes a camera
+/// closely fills its image: all of its pixels would take ten times as long, and most of their errors are
+/// common ones.
 pub(super) const KEPT_OF_IMAGE: usize = 512;
 
 /// Every which of `count` is taken over to be left with about `most`.
