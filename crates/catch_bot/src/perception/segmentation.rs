@@ -139,7 +139,7 @@ impl<'a> Background<'a> {
         if depth_m > 0.0 { depth_m } else { f64::INFINITY }
     }
 
-    /// Depth at image coordinates, infinite where there is nothing; of the pixel there, where bodies have been
+    /// Depth at image coordinates, infinite where there is nothing; of the pixel there, where bodies are
     /// drawn.
     pub fn depth_m(&self, uv: &Point2<f64>) -> f64 {
         self.bodies_m(uv, self.floor_m(&self.camera.back_project(uv, 1.0).coords))
