@@ -327,10 +327,9 @@ fn is_measured(found_m: f64) -> bool {
 /// at least not clearly beside it: a straight edge has five on its inside and three on its outside.
 const HOLE_NEIGHBOURS: usize = 4;
 
-/// Labels pixels without a depth as unknown if the object surrounds them, where depths may be missing: if most
-/// of their neighbours show it, or if it lies to all four sides, as of a larger hole. Others without one, with
-/// nothing known behind them, are most likely beside the object: all of these have no depth, of the object's
-/// only a few.
+/// Labels pixels without a depth as unknown if the object surrounds them, where depths may be missing: most
+/// of their neighbours, or to all four sides, as of a larger hole. Others without one, with nothing known
+/// behind them, are most likely beside the object: all of these have no depth, of the object's only a few.
 fn mark_uncertain_holes(labels: &mut [Label], part: &PixelWindow, is_measured: impl Fn(u32, u32) -> bool) {
     let (wide, high) = (part.width as usize, part.height as usize);
     let is_object = |labels: &[Label], at: usize| labels[at] == Label::Object;
