@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Point2, Point3, Vector3};
 use super::{
     Config, ReferenceModel,
     known_background::{KnownBackground, nearer_than_m},
-    segmentation::{BACKGROUND_MARGIN_M, Background},
+    segmentation::{BACKGROUND_MARGIN_M, Background, Surroundings},
     view::View,
 };
 
@@ -63,8 +63,7 @@ impl Detector {
         {
             if let Some(camera) = cameras.get(frame.camera) {
                 let surroundings = surroundings.get(index);
-                let background = Background::new(camera, surroundings, &frame.window, config);
-                self.choose_candidates(frame, camera, known.limits_m(frame.camera, surroundings), background, config);
+                self.choose_candidates((frame, camera), &known, surroundings, config);
                 self.add_blobs(frame, camera, reference, config);
             }
         }
@@ -112,15 +111,15 @@ impl Detector {
     /// surface decides where what is known of a waiting arm does not.
     fn choose_candidates(
         &mut self,
-        frame: &DepthFrame,
-        camera: &CameraModel,
-        known_m: Option<&[f32]>,
-        background: Background<'_>,
+        (frame, camera): (&DepthFrame, &CameraModel),
+        known: &KnownBackground,
+        surroundings: Option<&Surroundings<'_>>,
         config: &Config,
     ) {
         const ANYWHERE: [f32; RUN] = [f32::INFINITY; RUN];
         let columns = frame.window.width as usize;
         let (left, top, wide) = (frame.window.left as usize, frame.window.top as usize, camera.width_px as usize);
+        let known_m = known.limits_m(frame.camera, surroundings);
         self.candidates.clear();
         for (row, depths_m) in frame.depth_m[..frame.window.area()].chunks(columns.max(1)).enumerate() {
             let limits_m = known_m.and_then(|limits_m| limits_m.get((row + top) * wide + left..));
@@ -137,7 +136,7 @@ impl Detector {
             }
         }
         let Self { candidates, drawn, .. } = self;
-        let mut background: Background<'_> = background;
+        let mut background = Background::new(camera, surroundings, &frame.window, config);
         background.draw(&frame.window, || candidates.len(), drawn);
         candidates.retain(|&i| {
             let (uv, found_m) = (frame.window.pixel_centre(i as usize), f64::from(frame.depth_m[i as usize]));

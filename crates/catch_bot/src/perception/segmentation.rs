@@ -327,12 +327,12 @@ fn is_measured(found_m: f64) -> bool {
 /// at least not clearly beside it: a straight edge has five on its inside and three on its outside.
 const HOLE_NEIGHBOURS: usize = 4;
 
-/// Labels pixels without a depth as unknown if the object surrounds them, where depths may be missing: most
-/// of their neighbours, or to all four sides, as of a larger hole. Others without one, with nothing known
-/// behind them, are most likely beside the object: all of these have no depth, of the object's only a few.
+/// Labels pixels without a depth as unknown if the object surrounds them, where depths may be missing: if
+/// half of their neighbours show it, or pixels on all four sides do, as around a larger hole. Others without
+/// one, with nothing known behind them, are most likely beside the object: all of these have no depth, of the
+/// object's only a few.
 fn mark_uncertain_holes(labels: &mut [Label], part: &PixelWindow, is_measured: impl Fn(u32, u32) -> bool) {
     let (wide, high) = (part.width as usize, part.height as usize);
-    let is_object = |labels: &[Label], at: usize| labels[at] == Label::Object;
     for i in 0..labels.len() {
         let (x, y) = (i % wide.max(1), i / wide.max(1));
         if labels[i] != Label::Elsewhere || is_measured(part.left + x as u32, part.top + y as u32) {
@@ -340,16 +340,13 @@ fn mark_uncertain_holes(labels: &mut [Label], part: &PixelWindow, is_measured: i
         }
         let rows = y.saturating_sub(1)..(y + 2).min(high);
         let columns = x.saturating_sub(1)..(x + 2).min(wide);
-        let shown = rows.flat_map(|row| columns.clone().map(move |column| row * wide + column));
+        let around = rows.flat_map(|row| columns.clone().map(move |column| row * wide + column));
+        let is_object = |at: usize| labels[at] == Label::Object;
+        let shows = |first: usize, past: usize, step: usize| (first..past).step_by(step).any(is_object);
         let is_enclosed = || {
-            let is_shown = |mut line: std::iter::StepBy<std::ops::Range<usize>>| line.any(|at| is_object(labels, at));
-            let (row, column) = (y * wide, x);
-            is_shown((row..i).step_by(1))
-                && is_shown((i..row + wide).step_by(1))
-                && is_shown((column..i).step_by(wide))
-                && is_shown((i..labels.len()).step_by(wide))
+            shows(y * wide, i, 1) && shows(i, (y + 1) * wide, 1) && shows(x, i, wide) && shows(i, labels.len(), wide)
         };
-        if shown.filter(|&at| is_object(labels, at)).count() >= HOLE_NEIGHBOURS || is_enclosed() {
+        if around.filter(|&at| is_object(at)).count() >= HOLE_NEIGHBOURS || is_enclosed() {
             labels[i] = Label::Unknown;
         }
     }
