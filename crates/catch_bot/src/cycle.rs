@@ -222,8 +222,8 @@ impl CatchingCycle {
         let mut command = match self.go(observation, &ready_q, None) {
             Progress::Going(command) => command,
             Progress::Arrived => {
-                let CatchingBot { tracker, flight, .. } = &self.candidates[self.active].bot;
-                let offsets = flight.as_ref().map_or_else(Vec::new, |flight| tracker.camera_offsets(flight));
+                let tracker = &self.candidates[self.active].bot.tracker;
+                let offsets = tracker.flight().map_or_else(Vec::new, |flight| tracker.camera_offsets(flight));
                 for candidate in &mut self.candidates {
                     candidate.bot.end_throw(&offsets);
                     candidate.forget();
@@ -296,7 +296,7 @@ enum Progress {
 impl Candidate {
     /// Takes in new images. What rests, and what was somewhere else a moment ago, begins anew.
     fn look(&mut self, observation: &Observation) -> Option<ObjectPose> {
-        self.bot.controller.acknowledge(observation, self.bot.flight.as_ref());
+        self.bot.controller.acknowledge(observation, self.bot.tracker.flight());
         let pose = self.bot.perceive(observation)?;
         // Images of cameras that run freely come in any order, and so close to each other that they tell no
         // speed.

@@ -51,7 +51,7 @@ use catch_cell::{Brain, CameraModel, Command, GripperMove, KnownObject, Observat
 
 use control::{CatchPlanner, Controller, GripperPlan, Situation, opening};
 use perception::{CameraStatus, ObjectPose, PoseEstimator, camera_offsets::CameraOffset};
-use tracker::Tracker;
+use tracker::{Tracker, tracks::Track};
 use trajectory_optimization::{CatchPlan, reach_map::ReachMap};
 use trajectory_prediction::{FlightPredictor, FlightTrajectory};
 
@@ -99,8 +99,6 @@ pub struct CatchingBot {
     planner: Box<dyn CatchPlanner>,
 
     tracker: Tracker,
-    /// The flight as predicted last.
-    flight: Option<FlightTrajectory>,
     controller: Controller,
     /// True once the fingers have been told in this throw how far apart to wait.
     has_opened: bool,
@@ -141,8 +139,8 @@ impl CatchingBot {
         let Config { control, grasp_selection, .. } = known.config.clone();
         let motion = &known.search.motion;
         let controller = Controller::new(control, grasp_selection, motion.robot.clone(), motion.gripper.clone());
-        let (flight, has_opened, report) = (None, false, Report::default());
-        Self { known, estimator, predictor, planner, tracker, flight, controller, has_opened, report }
+        let (has_opened, report) = (false, Report::default());
+        Self { known, estimator, predictor, planner, tracker, controller, has_opened, report }
     }
 
     /// State and decision of the last tick.
@@ -155,7 +153,7 @@ impl Brain for CatchingBot {
     /// The paper's figure 2: images → pose → flight → grasp and plan → command.
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
         let now_s = observation.time_s;
-        self.controller.acknowledge(observation, self.flight.as_ref());
+        self.controller.acknowledge(observation, self.tracker.flight());
         let command = if self.controller.is_committed(now_s) {
             // Nothing that may still be seen changes anything: no camera needs to read out a pixel.
             let windows = Some(vec![PixelWindow::default(); self.known.cameras.len()]);
@@ -193,12 +191,12 @@ impl CatchingBot {
     /// III-B: pose of the object in the newest images, started from where the last flight says it is.
     fn perceive(&mut self, observation: &Observation) -> Option<ObjectPose> {
         self.tracker.sense(observation);
-        self.tracker.track(&observation.frames, &mut self.flight, &self.known, &mut *self.estimator)
+        self.tracker.track(&observation.frames, &self.known, &mut *self.estimator)
     }
 
     fn close_report(&mut self, status: Status, pose: Option<ObjectPose>, command: Command) -> Command {
-        let Self { flight, controller, .. } = self;
-        self.report.flight.clone_from(flight);
+        let Self { tracker, controller, .. } = self;
+        self.report.flight.clone_from(&tracker.tracks.object.flight);
         (self.report.status, self.report.pose, self.report.closing) = (status, pose, controller.closing);
         self.report.plan = controller.plan().cloned();
         self.report.cameras.clear();
@@ -219,7 +217,6 @@ impl CatchingBot {
         self.estimator.reset();
         self.predictor.reset();
         self.planner.reset();
-        self.flight = None;
         self.controller.reset();
         self.has_opened = false;
         self.report = Report::default();
@@ -228,30 +225,27 @@ impl CatchingBot {
     /// A tick without images: what the last ones showed has been acted on.
     fn wait_for_images(&mut self, observation: &Observation) -> Command {
         let status = self.report.status.without_images(self.controller.plan().is_some());
-        let windows = self.tracker.windows(observation, self.flight.as_ref(), &self.known);
+        let windows = self.tracker.windows(observation, &self.known);
         self.close_report(status, None, Command { windows, ..Command::default() })
     }
 
     /// Acts on the poses found so far; `pose` is the newest, if this tick found one.
     fn act_on(&mut self, observation: &Observation, pose: Option<ObjectPose>, probe: &mut dyn Probe) -> Command {
-        let Some(first) = self.tracker.poses.first() else {
+        if self.tracker.tracks.object.poses.is_empty() {
             return self.close_report(Status::NoObject, pose, Command::default());
-        };
+        }
         if observation.frames.is_empty() {
             return self.wait_for_images(observation);
         }
 
         // III-B: the flight that the poses agree on.
-        let flight = self.predictor.predict(&self.tracker.poses, self.flight.as_ref());
+        let predicted = self.tracker.tracks.predict(&mut *self.predictor, &self.known);
         probe.stage_ended("trajectory_prediction");
-        let Ok(mut flight) = flight else {
-            let windows = self.tracker.windows(observation, None, &self.known);
+        let windows = self.tracker.windows(observation, &self.known);
+        let Track { poses, flight } = &self.tracker.tracks.object;
+        let (Ok(()), [first, ..], Some(flight)) = (predicted, &poses[..], flight) else {
             return self.close_report(Status::NoTrajectory, pose, Command { windows, ..Command::default() });
         };
-        if let Some(previous) = &self.flight {
-            let R_WO = previous.pose_at(flight.time_s).rotation;
-            flight.R_WO = self.known.reference.symmetry.nearest_alike(&R_WO, &flight.R_WO);
-        }
 
         // III-C and III-D: the running plan for the new flight, or a new grasp and plan.
         let decision = self.planner.plan(&Situation {
@@ -259,7 +253,7 @@ impl CatchingBot {
             first_seen_s: first.capture_s,
             start: self.controller.start(observation),
             sensed: (observation.arm.q, observation.arm.dq),
-            flight: &flight,
+            flight,
             running: self.controller.plan(),
             closing: self.controller.closing,
             progress: self.controller.progress,
@@ -267,9 +261,7 @@ impl CatchingBot {
         probe.stage_ended("trajectory_optimization");
 
         let status = decision.status;
-        let mut command = self.controller.command(observation, decision, &flight);
-        command.windows = self.tracker.windows(observation, Some(&flight), &self.known);
-        self.flight = Some(flight);
+        let command = Command { windows, ..self.controller.command(observation, decision, flight) };
         probe.stage_ended("control");
         self.close_report(status, pose, command)
     }

@@ -1,11 +1,12 @@
-//! The tracker: what was sensed lately, the cameras as far as they are aligned, and the object's poses so
-//! far.
+//! The tracker: what was sensed lately, the cameras as far as they are aligned, and the poses so far of all
+//! that could be the object.
 
-use std::{borrow::Cow, collections::VecDeque, ops::RangeInclusive};
+pub(crate) mod tracks;
 
-use catch_body::{JointVector, Pose, Twist, dynamics::gravity};
+use std::{borrow::Cow, collections::VecDeque};
+
+use catch_body::{JointVector, Twist};
 use catch_cell::{CameraModel, DepthFrame, Observation, PixelWindow};
-use nalgebra::Vector3;
 
 use crate::{
     perception::{
@@ -15,6 +16,7 @@ use crate::{
     preparation::Preparation,
     trajectory_prediction::FlightTrajectory,
 };
+use tracks::{POSES, Tracks};
 
 /// Observations whose joint angles are remembered: longer than images can take to arrive.
 const SENSED: usize = 64;
@@ -22,13 +24,6 @@ const SENSED: usize = 64;
 const TOGETHER_S: f64 = 0.01;
 /// An object that has not been seen for this long is looked for everywhere, in seconds.
 const LOST_AFTER_S: f64 = 0.05;
-/// Times between the first pose and the newest that tell a velocity, in seconds.
-const PARABOLA_S: RangeInclusive<f64> = 0.005..=0.15;
-/// Error of a pose before there is a flight, in metres.
-const POSE_ERROR_M: f64 = 0.03;
-/// Poses that are remembered, more than any prediction looks back at.
-const POSES: usize = 1024;
-
 /// Readings of the encoders at one time.
 #[derive(Debug, Clone, Copy)]
 struct Sensed {
@@ -36,23 +31,6 @@ struct Sensed {
     q: JointVector,
     /// Aperture of the gripper.
     width_m: f64,
-}
-
-/// Where the object will be in the next images.
-#[derive(Debug, Clone, Copy)]
-struct Place {
-    /// Capture time of the newest image that it was seen in.
-    seen_s: f64,
-    p_WO: Vector3<f64>,
-    v_WO: Vector3<f64>,
-    uncertainty_m: f64,
-}
-
-impl Place {
-    fn on_flight(flight: &FlightTrajectory, time_s: f64) -> Self {
-        let (p_WO, v_WO) = (flight.pose_at(time_s).translation.vector, flight.twist_at(time_s).linear);
-        Self { seen_s: flight.time_s, p_WO, v_WO, uncertainty_m: 3.0 * flight.position_sd_at(time_s) }
-    }
 }
 
 /// Observations of the arm and of the object.
@@ -66,8 +44,8 @@ pub(crate) struct Tracker {
     sensed: VecDeque<Sensed>,
     /// Times of the newest observation with images and of the one before.
     imaged_s: [Option<f64>; 2],
-    /// Poses of the object, oldest first.
-    pub poses: Vec<ObjectPose>,
+    /// The object, and what else moves.
+    pub tracks: Tracks,
     /// True if single images are also registered by themselves: for operation over many throws, which reveal
     /// displaced cameras.
     pub compares_cameras: bool,
@@ -75,8 +53,6 @@ pub(crate) struct Tracker {
     compared: usize,
     /// Poses from single images, each with its camera.
     image_poses: Vec<(usize, ObjectPose)>,
-    /// Capture time of the newest image without a mask.
-    unlabelled_s: Option<f64>,
 }
 
 impl Tracker {
@@ -86,12 +62,16 @@ impl Tracker {
             health: known.camera_health.clone(),
             sensed: VecDeque::with_capacity(SENSED),
             imaged_s: [None; 2],
-            poses: Vec::with_capacity(POSES),
+            tracks: Tracks::new(),
             compares_cameras,
             compared: 0,
             image_poses: Vec::with_capacity(POSES),
-            unlabelled_s: None,
         }
+    }
+
+    /// The object's flight as predicted last.
+    pub fn flight(&self) -> Option<&FlightTrajectory> {
+        self.tracks.object.flight.as_ref()
     }
 
     /// Offset of each camera from a flight, by its own images.
@@ -112,7 +92,8 @@ impl Tracker {
 
     /// Forgets the object's poses but for the newest `count`.
     pub fn keep_newest(&mut self, count: usize) {
-        self.poses.drain(..self.poses.len().saturating_sub(count));
+        let poses = &mut self.tracks.object.poses;
+        poses.drain(..poses.len().saturating_sub(count));
     }
 
     /// Times of the newest observation with images and of the one before.
@@ -133,21 +114,20 @@ impl Tracker {
     }
 
     /// Takes in new images, capture time by capture time, in whatever order they come. Returns the newest
-    /// pose that they show, if any. Where they show that the object was taken for turned over, earlier poses
-    /// are turned, and there is no flight any more.
+    /// pose of the object that they show, if any. Where they show that it was taken for turned over, earlier
+    /// poses are turned, and there is no flight any more.
     pub fn track(
         &mut self,
         frames: &[DepthFrame],
-        flight: &mut Option<FlightTrajectory>,
         known: &Preparation,
         estimator: &mut dyn PoseEstimator,
     ) -> Option<ObjectPose> {
         let unlabelled_s = frames.iter().filter(|frame| frame.mask.is_none()).map(|frame| frame.capture_s);
-        self.unlabelled_s = self.unlabelled_s.into_iter().chain(unlabelled_s).reduce(f64::max);
+        self.tracks.unlabelled_s = self.tracks.unlabelled_s.into_iter().chain(unlabelled_s).reduce(f64::max);
         let frames = oldest_first(frames);
         let (mut newest, mut left, mut surroundings) = (None, &frames[..], Vec::with_capacity(frames.len()));
         while !left.is_empty() {
-            let (frames, later) = left.split_at(together(left, flight.is_some()));
+            let (frames, later) = left.split_at(together(left, self.tracks.followed().is_some()));
             left = later;
             surroundings.clear();
             for frames in frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
@@ -159,8 +139,9 @@ impl Tracker {
             }
             let (cameras, left_out) = (&self.alignment.cameras, &self.health.left_out);
             let mut view = View { frames, cameras, left_out, surroundings: &surroundings, V_WO: Twist::default() };
-            view.V_WO = flight.as_ref().map_or(view.V_WO, |flight| flight.twist_at(view.capture_s()));
-            if let Some(flight) = flight.as_ref().filter(|_| self.compares_cameras && self.image_poses.len() < POSES) {
+            let followed = self.tracks.followed();
+            view.V_WO = followed.map_or(view.V_WO, |flight| flight.twist_at(view.capture_s()));
+            if let Some(flight) = followed.filter(|_| self.compares_cameras && self.image_poses.len() < POSES) {
                 // One image of these by itself, in turn.
                 let i = self.compared % frames.len();
                 self.compared = self.compared.wrapping_add(1);
@@ -168,61 +149,31 @@ impl Tracker {
                 let pose = estimator.estimate_aside(&one, &flight.pose_at(one.capture_s()));
                 self.image_poses.extend(pose.map(|pose| (frames[i].camera, pose)));
             }
-            let expected = self.expected_pose(flight.as_ref(), view.capture_s());
-            let Ok(mut pose) = estimator.estimate(&view, expected.into()) else { continue };
-            if let Some(T) = estimator.turned_over() {
-                self.poses.iter_mut().for_each(|it| it.X_WO *= T);
-                *flight = None;
-            } else if let Some(X_WO) = &expected {
-                pose.X_WO.rotation = known.reference.symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
-            }
-            remember(&mut self.poses, pose);
-            newest = Some(pose);
+            let pose = match followed.is_some() || self.tracks.unlabelled_s.is_none() {
+                true => self.tracks.follow(&view, &known.reference, estimator),
+                false => self.tracks.search(&view, &known.reference, estimator),
+            };
+            newest = pose.or(newest);
         }
         newest
     }
 
-    /// The part of each camera's next images that may show the object, once it is tracked in images without
+    /// The part of each camera's next images that may show the object, once it is followed in images without
     /// masks (sensors that tell objects apart read out the right pixels by themselves). Full images if it has
     /// been lost.
-    pub fn windows(
-        &self,
-        observation: &Observation,
-        flight: Option<&FlightTrajectory>,
-        known: &Preparation,
-    ) -> Option<Vec<PixelWindow>> {
+    pub fn windows(&self, observation: &Observation, known: &Preparation) -> Option<Vec<PixelWindow>> {
+        let flight = self.tracks.followed()?;
+        self.tracks.unlabelled_s.filter(|newest_s| *newest_s <= flight.time_s + LOST_AFTER_S)?;
         let mut sensed_s = self.sensed.iter().rev().map(|sensed| sensed.time_s);
         let period_s = sensed_s.next().zip(sensed_s.next()).map_or(0.0, |(now_s, before_s)| now_s - before_s);
         let next_s = observation.time_s + period_s;
-        let place = flight.map_or_else(|| self.on_parabola(next_s), |flight| Some(Place::on_flight(flight, next_s)))?;
-        self.unlabelled_s.filter(|newest_s| *newest_s <= place.seen_s + LOST_AFTER_S)?;
-        let radius_m = known.reference.radius_m + GATE_M + place.uncertainty_m + place.v_WO.norm() * period_s;
+        let (p_WO, v_WO) = (flight.pose_at(next_s).translation.vector, flight.twist_at(next_s).linear);
+        let radius_m = known.reference.radius_m + GATE_M + 3.0 * flight.position_sd_at(next_s) + v_WO.norm() * period_s;
         let window = |(camera, left_out): (&CameraModel, &bool)| match left_out {
             true => PixelWindow::default(),
-            false => camera.window_around(&camera.X_WC.inverse_transform_point(&place.p_WO.into()), radius_m),
+            false => camera.window_around(&camera.X_WC.inverse_transform_point(&p_WO.into()), radius_m),
         };
         Some(self.alignment.cameras.iter().zip(&self.health.left_out).map(window).collect())
-    }
-
-    /// Where the object is before there is a flight: on the parabola through the first pose and the newest.
-    fn on_parabola(&self, time_s: f64) -> Option<Place> {
-        let (first, last) = (self.poses.first()?, self.poses.last()?);
-        let (span_s, ahead_s) = (last.capture_s - first.capture_s, time_s - last.capture_s);
-        if !PARABOLA_S.contains(&span_s) {
-            return None;
-        }
-        let [first_W, last_W] = [first, last].map(|pose| pose.X_WO.translation.vector);
-        let v_WO = (last_W - first_W) / span_s + gravity() * (0.5 * span_s + ahead_s);
-        let p_WO = last_W + (v_WO - gravity() * (0.5 * ahead_s)) * ahead_s;
-        // Errors of both poses, as if they were opposite to each other.
-        let uncertainty_m = POSE_ERROR_M * (1.0 + 2.0 * ahead_s / span_s);
-        Some(Place { seen_s: last.capture_s, p_WO, v_WO, uncertainty_m })
-    }
-
-    /// Expected pose of the object: on the last flight, or, before there is one, the last measured pose. The
-    /// latter keeps an object that looks the same from two sides from flipping between the first images.
-    fn expected_pose(&self, flight: Option<&FlightTrajectory>, time_s: f64) -> Option<Pose> {
-        flight.map(|flight| flight.pose_at(time_s)).or_else(|| self.poses.last().map(|pose| pose.X_WO))
     }
 
     /// The arm as it was at a time, between what was sensed before and after.
@@ -249,16 +200,6 @@ fn oldest_first(frames: &[DepthFrame]) -> Cow<'_, [DepthFrame]> {
     Cow::Owned(sorted)
 }
 
-/// Adds a pose to those so far, oldest first: images may arrive later than others that were taken after them.
-/// Where there are as many as are remembered, the oldest one is forgotten.
-fn remember(poses: &mut Vec<ObjectPose>, pose: ObjectPose) {
-    if poses.len() == POSES {
-        poses.remove(0);
-    }
-    let at = poses.partition_point(|it| it.capture_s <= pose.capture_s);
-    poses.insert(at, pose);
-}
-
 /// Number of these images, oldest first, that are registered together: those of one capture time, or all
 /// within some milliseconds where the object's motion is known.
 fn together(frames: &[DepthFrame], moves_as_known: bool) -> usize {
@@ -268,38 +209,15 @@ fn together(frames: &[DepthFrame], moves_as_known: bool) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use catch_body::{Gripper, Robot, robot_file::RobotFiles};
+    use catch_body::{Gripper, Pose, Robot, robot_file::RobotFiles};
     use catch_cell::{ArmState, GraspState, GripperState, Setpoint};
-    use nalgebra::{Matrix6, Point3};
+    use nalgebra::{Point3, Vector3};
 
     use super::*;
     use crate::{
         Config,
         perception::{PerceptionStatus, Prior, synthetic},
     };
-
-    fn pose(capture_s: f64) -> ObjectPose {
-        ObjectPose {
-            capture_s,
-            X_WO: Pose::translation(0.0, 0.0, capture_s),
-            information: Matrix6::identity(),
-            points: 10,
-            residual_m: 0.0,
-            points_mismatch: None,
-            silhouette_mismatch: None,
-            iterations: 1,
-            registered_globally: false,
-        }
-    }
-
-    #[test]
-    fn poses_are_forgotten_one_by_one() {
-        let mut poses = Vec::new();
-        // Every other image arrives late.
-        (0..2 * POSES).for_each(|i| remember(&mut poses, pose((i ^ 1) as f64)));
-        assert_eq!(poses.len(), POSES);
-        assert!(poses.iter().zip(POSES..).all(|(it, at)| it.capture_s == at as f64), "half a throw is lost");
-    }
 
     /// Shows nothing; remembers which camera's image it was asked for by itself.
     struct Blind(Vec<usize>);
@@ -315,7 +233,7 @@ mod tests {
         }
     }
 
-    fn preparation() -> Preparation {
+    pub(super) fn preparation() -> Preparation {
         let files = RobotFiles {
             urdf_file: "robot.urdf",
             urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf"),
@@ -336,29 +254,26 @@ mod tests {
         Observation { time_s, arm, gripper, frames }
     }
 
+    /// As long as it is not known what flies to the arm, all pixels are needed.
     #[test]
-    fn before_there_is_a_flight_windows_follow_a_parabola() {
+    fn windows_are_around_a_flight_that_leads_to_the_arm() {
         let known = preparation();
         let mut tracker = Tracker::new(&known, false);
-        let place = |t: f64| Point3::new(2.6 - 2.9 * t, 2.6 - 4.0 * t, 0.5 + 3.6 * t - 4.905 * t * t);
-        let seen = |t: f64| ObjectPose { X_WO: Pose::from_parts(place(t).into(), Default::default()), ..pose(t) };
-        let windows = |tracker: &Tracker| tracker.windows(&observation(0.06, &known, Vec::new()), None, &known);
-        tracker.unlabelled_s = Some(0.05);
-        tracker.poses.push(seen(0.0));
-        assert_eq!(windows(&tracker), None, "one pose tells no velocity");
-        // An error of each pose, the other way.
-        tracker.poses[0].X_WO.translation.x += 0.01;
-        tracker.poses.push(seen(0.05));
-        tracker.poses[1].X_WO.translation.x -= 0.01;
+        let v_WOcm = Vector3::new(-2.9, -4.0, 3.6);
+        let flight = FlightTrajectory { p_WOcm: Point3::new(2.6, 2.6, 0.5), v_WOcm, ..FlightTrajectory::default() };
+        tracker.tracks.object.flight = Some(flight.clone());
+        let windows = |tracker: &Tracker| tracker.windows(&observation(0.06, &known, Vec::new()), &known);
+        tracker.tracks.unlabelled_s = Some(0.0);
+        assert_eq!(windows(&tracker), None, "it is not followed");
+        tracker.tracks.is_followed = true;
+        let place = Point3::from(flight.pose_at(0.06).translation.vector);
         for (camera, window) in known.cameras.iter().zip(windows(&tracker).unwrap()) {
-            let uv = camera.project(&camera.X_WC.inverse_transform_point(&place(0.06))).unwrap();
-            let in_image = uv.x > 0.0 && uv.x < camera.width_px.into() && uv.y > 0.0 && uv.y < camera.height_px.into();
-            let is_inside =
-                window.columns().contains(&(uv.x.max(0.0) as u32)) && window.rows().contains(&(uv.y.max(0.0) as u32));
-            assert!(is_inside || !in_image, "{uv} is not in {window:?}");
+            let uv = camera.project(&camera.X_WC.inverse_transform_point(&place)).unwrap();
+            let in_image = camera.full_window().contains(&uv);
+            assert!(window.contains(&uv) || !in_image, "{uv} is not in {window:?}");
             assert!(10 * window.area() < camera.full_window().area(), "{window:?}");
         }
-        tracker.unlabelled_s = Some(0.05 + 2.0 * LOST_AFTER_S);
+        tracker.tracks.unlabelled_s = Some(2.0 * LOST_AFTER_S);
         assert_eq!(windows(&tracker), None, "the object has been lost");
     }
 
@@ -369,7 +284,8 @@ mod tests {
         let known = preparation();
         let cameras = known.cameras.len();
         let (mut tracker, mut blind) = (Tracker::new(&known, true), Blind(Vec::new()));
-        let flight = FlightTrajectory { v_WOcm: Vector3::x(), ..FlightTrajectory::default() };
+        tracker.tracks.object.flight = Some(FlightTrajectory { v_WOcm: Vector3::x(), ..FlightTrajectory::default() });
+        tracker.tracks.is_followed = true;
         for i in 0..2 * cameras {
             let time_s = 0.02 * i as f64;
             let frame = |camera: usize| DepthFrame {
@@ -381,7 +297,7 @@ mod tests {
             };
             let observation = observation(time_s, &known, (0..cameras).map(frame).collect());
             tracker.sense(&observation);
-            let found = tracker.track(&observation.frames, &mut Some(flight.clone()), &known, &mut blind);
+            let found = tracker.track(&observation.frames, &known, &mut blind);
             assert_eq!(found, None);
         }
         let turns: Vec<usize> = (0..cameras).chain(0..cameras).collect();

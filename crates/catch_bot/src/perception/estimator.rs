@@ -27,6 +27,12 @@ pub trait PoseEstimator: Send {
     /// Why there is no pose.
     fn estimate(&mut self, view: &View<'_>, prior: Prior) -> Result<ObjectPose, PerceptionStatus>;
 
+    /// All things in the images of one capture time that could be the object, while it is not known which one
+    /// flies to the arm. `expected` are poses X_WO at that time of what was seen before, the likeliest first.
+    fn estimate_all(&mut self, view: &View<'_>, expected: &[Pose], found: &mut Vec<ObjectPose>) {
+        found.extend(self.estimate(view, expected.first().copied().into()));
+    }
+
     /// A rigid motion T in O, if the newest pose shows that all earlier ones had the object the wrong way
     /// around: it then was at X_WO·T.
     fn turned_over(&self) -> Option<Pose> {
@@ -88,6 +94,14 @@ impl PoseEstimator for SdfEstimator {
         let Some(other) = other else { return Ok(found) };
         self.turned_over = Some(fit.X_WO.inverse() * other.X_WO);
         Ok(other.pose(view, false))
+    }
+
+    fn estimate_all(&mut self, view: &View<'_>, expected: &[Pose], found: &mut Vec<ObjectPose>) {
+        self.reset();
+        let register = |registration: &Registration<'_>, scene: &mut SceneCloud, X_WO: &Pose| {
+            register_near(registration, view, scene, X_WO)
+        };
+        self.finder.find_all(view, expected, register, found);
     }
 
     fn turned_over(&self) -> Option<Pose> {
@@ -206,32 +220,81 @@ impl ObjectFinder {
         }
     }
 
-    /// Finds the object at one of the places where something is that was not there before. A thing that no
-    /// orientation of the object explains, such as a hand, is another one, and so is a thing of which most of
-    /// the object would have to be hidden, such as a cable on the arm: some pose fits to any few points.
+    /// Finds all things in images of one capture time that could be the object, each once: what is expected, at
+    /// poses X_WO, and what else was not there before. Images with masks show none.
+    fn find_all(
+        &mut self,
+        view: &View<'_>,
+        expected: &[Pose],
+        mut register: impl FnMut(&Registration<'_>, &mut SceneCloud, &Pose) -> Result<Fit, PerceptionStatus>,
+        found: &mut Vec<ObjectPose>,
+    ) {
+        if self.workspace.detector.background.learn(view, &self.config) {
+            return;
+        }
+        for X_WO in expected {
+            let near = self.find_near(view, &Prior::Pose(*X_WO), &mut register);
+            let is_new = |it: &ObjectPose| it.is_explained() && !self.is_one_of(found, &it.X_WO);
+            found.extend(near.ok().filter(is_new));
+        }
+        self.find_elsewhere(view, expected, &mut register, found);
+    }
+
+    /// Finds the object at one of the places where something is that was not there before.
     fn find_anywhere(
         &mut self,
         view: &View<'_>,
         expected: Option<&Pose>,
         register: &mut Register<'_>,
     ) -> Result<ObjectPose, PerceptionStatus> {
-        let R_WO = expected.map_or(UnitQuaternion::identity(), |X_WO| X_WO.rotation);
+        let mut found = Vec::with_capacity(MOST_PLACES);
+        let status = self.find_elsewhere(view, expected.map_or(&[], std::slice::from_ref), register, &mut found);
+        let best = found.into_iter().reduce(
+            |best, it| {
+                if it.silhouette_mismatch < best.silhouette_mismatch { it } else { best }
+            },
+        );
+        best.ok_or(status)
+    }
+
+    /// Adds what could be the object at places where something is that was not there before, beside what has
+    /// been found. A thing that no orientation of the object explains, such as a hand, is another one, and so
+    /// is a thing of which most of the object would have to be hidden, such as a cable on the arm: some pose
+    /// fits to any few points. Returns why the last place that was left out shows no object.
+    fn find_elsewhere(
+        &mut self,
+        view: &View<'_>,
+        expected: &[Pose],
+        register: &mut Register<'_>,
+        found: &mut Vec<ObjectPose>,
+    ) -> PerceptionStatus {
         self.workspace.detector.collect(view, &self.reference, &self.config);
-        let (mut best, mut status) = (None::<ObjectPose>, PerceptionStatus::NoPoints);
+        let mut status = PerceptionStatus::NoPoints;
         for _ in 0..MOST_PLACES {
             let Some(place) = self.workspace.detector.next_place(view, &self.reference, &self.config) else { break };
-            match self.find_near(view, &Prior::Place(Pose::from_parts(place.coords.into(), R_WO)), register) {
+            let mut X_WO = Pose::from(place);
+            if self.is_one_of(found, &X_WO) {
+                continue;
+            }
+            let from_m = |it: &&Pose| (it.translation.vector - place.coords).norm();
+            if let Some(nearest) = expected.iter().min_by(|a, b| from_m(a).total_cmp(&from_m(b))) {
+                X_WO.rotation = nearest.rotation;
+            }
+            match self.find_near(view, &Prior::Place(X_WO), register) {
                 Err(fault) => status = fault,
-                Ok(pose) if !pose.is_explained() || self.shown_fraction(view, &pose.X_WO) < LEAST_SHOWN => {
-                    status = PerceptionStatus::NotConverged;
+                Ok(pose) if pose.is_explained() && self.shown_fraction(view, &pose.X_WO) >= LEAST_SHOWN => {
+                    found.push(pose);
                 }
-                Ok(pose) if best.is_none_or(|it| pose.silhouette_mismatch < it.silhouette_mismatch) => {
-                    best = Some(pose);
-                }
-                Ok(_) => {}
+                Ok(_) => status = PerceptionStatus::NotConverged,
             }
         }
-        best.ok_or(status)
+        status
+    }
+
+    /// Returns whether something at `X_WO` is one of these, because both together have no room there.
+    fn is_one_of(&self, found: &[ObjectPose], X_WO: &Pose) -> bool {
+        let apart_m = |it: &ObjectPose| (it.X_WO.translation.vector - X_WO.translation.vector).norm();
+        found.iter().any(|it| apart_m(it) < self.reference.radius_m)
     }
 
     /// Fraction of the reference's points at whose pixels the last scene shows the object, if it is at

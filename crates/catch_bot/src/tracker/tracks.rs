@@ -1,0 +1,319 @@
+//! What moves, as far as it could be the object: poses and flight of each such thing.
+
+use std::ops::RangeInclusive;
+
+use catch_body::{Pose, dynamics::gravity, symmetry::Symmetry, workcell::FLOOR_Z_M};
+
+use super::LOST_AFTER_S;
+use crate::{
+    perception::{GATE_M, ObjectPose, PoseEstimator, ReferenceModel, View},
+    preparation::Preparation,
+    trajectory_optimization::MotionPlanner,
+    trajectory_prediction::{FlightPredictor, FlightTrajectory, PredictionStatus},
+};
+
+/// Times between two poses that tell a velocity, in seconds.
+const PARABOLA_S: RangeInclusive<f64> = 0.005..=0.15;
+/// Poses that are remembered, more than any prediction looks back at.
+pub(super) const POSES: usize = 1024;
+/// By how much faster than expected a thing may move from image to image, in m/s.
+const UNEXPECTED_MPS: f64 = 15.0;
+/// A flight is followed by so many steps of this length, in seconds.
+const STEPS: usize = 75;
+const STEP_S: f64 = 0.02;
+
+/// Things that are tracked at most besides the object.
+const MOST_OTHERS: usize = 4;
+
+/// The object, and what else moves.
+///
+/// A person's hand looks like a ball to one camera for an image or two. Until a flight leads to the arm, all
+/// that could be the object is tracked side by side.
+#[derive(Debug, Clone)]
+pub(crate) struct Tracks {
+    /// The object.
+    pub object: Track,
+    /// Other things that move, as long as any of them could be the object.
+    others: Vec<Track>,
+    /// True if the object's flight leads to the arm: nothing else is looked for.
+    pub(super) is_followed: bool,
+    /// Capture time of the newest image without a mask. Masks tell the object from all else.
+    pub unlabelled_s: Option<f64>,
+}
+
+/// One thing that moves: its poses and, once these agree on one, its flight.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Track {
+    /// Poses, oldest first.
+    pub poses: Vec<ObjectPose>,
+    /// Flight as it was predicted last.
+    pub flight: Option<FlightTrajectory>,
+}
+
+impl Track {
+    /// Capture time of the newest pose, in seconds.
+    pub fn seen_s(&self) -> f64 {
+        self.poses.last().map_or(f64::NEG_INFINITY, |pose| pose.capture_s)
+    }
+
+    /// Adds a pose to those so far, oldest first: images may arrive later than others that were taken after
+    /// them. Where there are as many as are remembered, the oldest one is forgotten.
+    pub fn remember(&mut self, pose: ObjectPose) {
+        if self.poses.len() == POSES {
+            self.poses.remove(0);
+        }
+        let at = self.poses.partition_point(|it| it.capture_s <= pose.capture_s);
+        self.poses.insert(at, pose);
+    }
+
+    /// Expected pose at a time: on the flight; before there is one, on the parabola through an early pose and
+    /// the newest, with the orientation of the latter. That keeps an object that looks the same from two
+    /// sides from flipping between the first images.
+    pub fn expected_pose(&self, time_s: f64) -> Option<Pose> {
+        if let Some(flight) = &self.flight {
+            return Some(flight.pose_at(time_s));
+        }
+        let last = self.poses.last()?;
+        let mut X_WO = last.X_WO;
+        let span_s = |first: &ObjectPose| last.capture_s - first.capture_s;
+        if let Some(first) = self.poses.iter().find(|first| PARABOLA_S.contains(&span_s(first))) {
+            let ahead_s = time_s - last.capture_s;
+            let moved_W = last.X_WO.translation.vector - first.X_WO.translation.vector;
+            let v_WO = moved_W / span_s(first) + gravity() * (0.5 * span_s(first));
+            X_WO.translation.vector += (v_WO + gravity() * (0.5 * ahead_s)) * ahead_s;
+        }
+        Some(X_WO)
+    }
+
+    /// Distance of a pose from the expected one in metres, if it may be one of this thing, whose size is
+    /// given by a radius.
+    pub fn distance_m(&self, pose: &ObjectPose, radius_m: f64) -> Option<f64> {
+        let X_WO = self.expected_pose(pose.capture_s)?;
+        let distance_m = (pose.X_WO.translation.vector - X_WO.translation.vector).norm();
+        let unexpected_m = UNEXPECTED_MPS * (pose.capture_s - self.seen_s()).abs();
+        (distance_m < radius_m + GATE_M + unexpected_m).then_some(distance_m)
+    }
+
+    /// Predicts the flight that the poses agree on. The last one stays where there is none.
+    pub fn predict(
+        &mut self,
+        predictor: &mut dyn FlightPredictor,
+        symmetry: &Symmetry,
+    ) -> Result<(), PredictionStatus> {
+        let mut flight = predictor.predict(&self.poses, self.flight.as_ref())?;
+        if let Some(previous) = &self.flight {
+            flight.R_WO = symmetry.nearest_alike(&previous.pose_at(flight.time_s).rotation, &flight.R_WO);
+        }
+        self.flight = Some(flight);
+        Ok(())
+    }
+
+    /// Returns whether the flight leads to where the gripper can be before it ends on the floor.
+    pub fn leads_to(&self, arm: &MotionPlanner) -> bool {
+        let Some(flight) = &self.flight else { return false };
+        let (base, reach_m) = (arm.robot.X_WB.translation.vector.into(), arm.longest_reach_m());
+        let mut flown = flight.propagator();
+        let path = (0..STEPS).map(|i| flown.position_at(flight.time_s + STEP_S * i as f64));
+        path.take_while(|p_W| p_W.z > FLOOR_Z_M).any(|p_W| nalgebra::distance(&p_W, &base) < reach_m)
+    }
+}
+
+impl Tracks {
+    /// Nothing yet, with room for the object's poses.
+    pub fn new() -> Self {
+        let object = Track { poses: Vec::with_capacity(POSES), flight: None };
+        Self { object, others: Vec::new(), is_followed: false, unlabelled_s: None }
+    }
+
+    /// The object's flight, if it leads to the arm.
+    pub fn followed(&self) -> Option<&FlightTrajectory> {
+        self.object.flight.as_ref().filter(|_| self.is_followed)
+    }
+
+    /// Tracks the object alone, where it is known which thing that is.
+    pub fn follow(
+        &mut self,
+        view: &View<'_>,
+        reference: &ReferenceModel,
+        estimator: &mut dyn PoseEstimator,
+    ) -> Option<ObjectPose> {
+        let expected = self.object.expected_pose(view.capture_s());
+        let mut pose = estimator.estimate(view, expected.into()).ok()?;
+        if let Some(T) = estimator.turned_over() {
+            self.object.poses.iter_mut().for_each(|it| it.X_WO *= T);
+            self.object.flight = None;
+        } else if let Some(X_WO) = &expected {
+            pose.X_WO.rotation = reference.symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
+        }
+        self.object.remember(pose);
+        Some(pose)
+    }
+
+    /// Tracks all that could be the object.
+    pub fn search(
+        &mut self,
+        view: &View<'_>,
+        reference: &ReferenceModel,
+        estimator: &mut dyn PoseEstimator,
+    ) -> Option<ObjectPose> {
+        let Self { object, others, .. } = self;
+        let now_s = view.capture_s();
+        let expected: Vec<Pose> =
+            std::iter::once(&*object).chain(&*others).filter_map(|it| it.expected_pose(now_s)).collect();
+        let mut found = Vec::new();
+        estimator.estimate_all(view, &expected, &mut found);
+        for mut pose in found {
+            let distance_m = |track: &Track| track.distance_m(&pose, reference.radius_m);
+            let near = std::iter::once(&mut *object).chain(&mut *others);
+            let near = near.filter_map(|track| Some((distance_m(track)?, track)));
+            match near.min_by(|a, b| a.0.total_cmp(&b.0)) {
+                Some((_, track)) => {
+                    let R_WO = track.expected_pose(now_s).map_or(pose.X_WO.rotation, |X_WO| X_WO.rotation);
+                    pose.X_WO.rotation = reference.symmetry.nearest_alike(&R_WO, &pose.X_WO.rotation);
+                    track.remember(pose);
+                }
+                None => others.push(Track { poses: vec![pose], flight: None }),
+            }
+        }
+        others.sort_by(|a, b| b.seen_s().total_cmp(&a.seen_s()));
+        others.truncate(MOST_OTHERS);
+        if now_s > object.seen_s() + LOST_AFTER_S
+            && let Some(newer) = others.first_mut().filter(|it| it.seen_s() > object.seen_s())
+        {
+            std::mem::swap(object, newer);
+        }
+        object.poses.last().filter(|pose| pose.capture_s == now_s).copied()
+    }
+
+    /// Predicts the object's flight. As long as that does not lead to the arm, another thing whose flight
+    /// does is the object.
+    pub fn predict(
+        &mut self,
+        predictor: &mut dyn FlightPredictor,
+        known: &Preparation,
+    ) -> Result<(), PredictionStatus> {
+        let (symmetry, arm) = (&known.reference.symmetry, &known.search.motion);
+        let predicted = self.object.predict(predictor, symmetry);
+        self.is_followed = self.unlabelled_s.is_none() || predicted.is_ok() && self.object.leads_to(arm);
+        if self.is_followed {
+            self.others.clear();
+            return predicted;
+        }
+        let flies = |it: &mut Track| it.predict(predictor, symmetry).is_ok() && it.leads_to(arm);
+        let Some(i) = self.others.iter_mut().position(flies) else { return predicted };
+        std::mem::swap(&mut self.object, &mut self.others[i]);
+        self.is_followed = true;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use catch_cell::{DepthFrame, PixelWindow};
+    use nalgebra::{Matrix6, Point3, Vector3};
+
+    use super::*;
+    use crate::{
+        perception::{PerceptionStatus, Prior},
+        tracker::tests::preparation,
+    };
+
+    fn pose(capture_s: f64, p_WO: Point3<f64>) -> ObjectPose {
+        ObjectPose {
+            capture_s,
+            X_WO: p_WO.into(),
+            information: Matrix6::identity() * 1e6,
+            points: 10,
+            residual_m: 0.0,
+            points_mismatch: None,
+            silhouette_mismatch: None,
+            iterations: 1,
+            registered_globally: false,
+        }
+    }
+
+    /// A throw to the arm.
+    fn thrown(time_s: f64) -> Point3<f64> {
+        Point3::new(2.6 - 2.9 * time_s, 2.6 - 4.0 * time_s, 0.5 + 3.6 * time_s - 4.905 * time_s * time_s)
+    }
+
+    #[test]
+    fn poses_are_forgotten_one_by_one() {
+        let mut track = Track::default();
+        // Every other image arrives late.
+        (0..2 * POSES).for_each(|i| track.remember(pose((i ^ 1) as f64, Point3::origin())));
+        assert_eq!(track.poses.len(), POSES);
+        assert!(track.poses.iter().zip(POSES..).all(|(it, at)| it.capture_s == at as f64), "half a throw is lost");
+    }
+
+    #[test]
+    fn before_there_is_a_flight_a_parabola_is_expected() {
+        let mut track = Track::default();
+        assert_eq!(track.expected_pose(0.0), None);
+        track.remember(pose(0.0, thrown(0.0)));
+        assert_eq!(track.expected_pose(0.02), Some(thrown(0.0).into()), "one pose tells no velocity");
+        track.remember(pose(0.05, thrown(0.05)));
+        let expected = track.expected_pose(0.08).unwrap().translation.vector;
+        assert!((expected - thrown(0.08).coords).norm() < 1e-12, "{expected}");
+    }
+
+    #[test]
+    fn a_flight_leads_to_the_arm_if_it_comes_near_above_the_floor() {
+        let known = preparation();
+        let leads = |p_WOcm: Point3<f64>, v_WOcm: Vector3<f64>| {
+            let flight = FlightTrajectory { p_WOcm, v_WOcm, ..FlightTrajectory::default() };
+            Track { poses: Vec::new(), flight: Some(flight) }.leads_to(&known.search.motion)
+        };
+        let (from, to_arm) = (Point3::new(3.0, 0.0, 1.0), Vector3::new(-5.0, 0.0, 2.0));
+        assert!(leads(from, to_arm));
+        assert!(!leads(from, -to_arm), "it flies away");
+        assert!(!leads(from, Vector3::new(-1.0, 0.0, 0.0)), "it falls to the floor before");
+        assert!(!leads(Point3::new(3.0, 0.0, 4.0), Vector3::new(-9.0, 0.0, 9.0)), "it passes above");
+    }
+
+    /// Sees a hand from the first image on, and a thrown object from the third.
+    struct HandAndObject;
+
+    impl HandAndObject {
+        fn hand(time_s: f64) -> Point3<f64> {
+            Point3::new(2.0, -1.4 - 1.5 * time_s, 0.9)
+        }
+    }
+
+    impl PoseEstimator for HandAndObject {
+        fn estimate(&mut self, view: &View<'_>, _: Prior) -> Result<ObjectPose, PerceptionStatus> {
+            Ok(pose(view.capture_s(), thrown(view.capture_s())))
+        }
+
+        fn estimate_all(&mut self, view: &View<'_>, _: &[Pose], found: &mut Vec<ObjectPose>) {
+            let time_s = view.capture_s();
+            found.push(pose(time_s, Self::hand(time_s)));
+            found.extend((time_s > 0.015).then(|| pose(time_s, thrown(time_s))));
+        }
+    }
+
+    #[test]
+    fn what_flies_to_the_arm_is_the_object_whatever_was_seen_before() {
+        let known = preparation();
+        let (mut tracks, mut predictor) = (Tracks::new(), known.flight_predictor(1));
+        let mut nearest = Vec::new();
+        for i in 0..8 {
+            let time_s = 0.01 * f64::from(i);
+            tracks.unlabelled_s = Some(time_s);
+            let window = PixelWindow::default();
+            let frames = [DepthFrame { camera: 0, capture_s: time_s, window, depth_m: Vec::new(), mask: None }];
+            let view = View { frames: &frames, ..View::default() };
+            match tracks.followed() {
+                Some(_) => tracks.follow(&view, &known.reference, &mut HandAndObject),
+                None => tracks.search(&view, &known.reference, &mut HandAndObject),
+            };
+            let _ = tracks.predict(&mut predictor, &known);
+            let p_WO = Point3::from(tracks.object.poses.last().unwrap().X_WO.translation.vector);
+            nearest.push(if nalgebra::distance(&p_WO, &thrown(time_s)) < 1e-9 { "object" } else { "hand" });
+        }
+        // Three poses tell a flight.
+        assert_eq!(nearest, ["hand", "hand", "hand", "hand", "object", "object", "object", "object"]);
+        assert!(tracks.followed().is_some() && tracks.others.is_empty());
+        assert!(tracks.object.poses.iter().all(|it| it.X_WO == thrown(it.capture_s).into()), "poses are mixed");
+    }
+}
