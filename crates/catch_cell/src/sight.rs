@@ -14,8 +14,9 @@ use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
 use crate::{CameraModel, PixelWindow};
 
-/// What is nearer to the camera's plane than this, in metres, may be anywhere in the image.
-const NEAR_M: f64 = 1e-3;
+/// What is nearer to the camera's plane than this, in metres, may be anywhere in the image, and is not seen
+/// where a surface is rasterized. Image coordinates of all else are exact to a thousandth of [`SLACK`].
+const NEAR_M: f64 = 1e-4;
 /// A surface with fewer triangles than this for each pixel is rasterized.
 const TRIANGLES_PER_PIXEL: usize = 4;
 /// Triangles and pixels that are drawn, and pixels that are cleared, in the time of a ray. The triangles were
@@ -108,7 +109,7 @@ impl<'a> Sight<'a> {
 
     /// Returns whether rays draw this many pixels of the surface.
     fn is_cast(&self, pixels: usize) -> bool {
-        self.nearest_m() <= NEAR_M || self.surface.mesh.triangles.len() >= TRIANGLES_PER_PIXEL * pixels
+        self.surface.mesh.triangles.len() >= TRIANGLES_PER_PIXEL * pixels
     }
 
     /// About how many rays take as long as drawing the surface in a window.
@@ -141,26 +142,36 @@ impl<'a> Sight<'a> {
         let (mut slopes, mut vertices) = (std::mem::take(&mut buffer.slopes), std::mem::take(&mut buffer.vertices));
         slopes.clear();
         slopes.extend(part.columns().map(|column| self.ray_C(column, 0).x));
-        let in_image = |p_B: &Point3<f64>| {
-            let p_C = self.in_camera(p_B);
+        let is_cut = self.nearest_m() <= NEAR_M;
+        let in_image = |p_C: Point3<f64>| {
             let [u, v] = [0, 1].map(|axis| self.in_pixels(axis, p_C[axis] / p_C.z));
             Point3::new(u, v, p_C.z)
         };
+        let seen = |p_C: Point3<f64>| if is_cut { p_C } else { in_image(p_C) };
         vertices.clear();
-        vertices.extend(mesh.vertices.iter().map(in_image));
+        vertices.extend(mesh.vertices.iter().map(|p_B| seen(self.in_camera(p_B))));
         // Those that face the camera first, because they hide the others.
         for faces_camera in [true, false] {
             for (triangle, corners) in mesh.triangles.iter().enumerate() {
                 let [a, b, c] = corners.map(|index| vertices[index as usize]);
+                let (polygon, count) = if is_cut { before_camera([a, b, c]) } else { ([a, b, c, c], 3) };
+                let polygon = &if is_cut { polygon.map(in_image) } else { polygon }[..count];
+                let [a, b, c, ..] = polygon else { continue };
                 let turn = (b - a).xy().perp(&(c - a).xy());
-                let rows = centres_within(a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y), part.rows());
+                let range = |axis: usize| {
+                    let ends = |[low, high]: [f64; 2], it: &Point3<f64>| [low.min(it[axis]), high.max(it[axis])];
+                    polygon.iter().fold([f64::MAX, f64::MIN], ends)
+                };
+                let [highest, lowest] = range(1);
+                let rows = centres_within(highest, lowest, part.rows());
                 if (turn < 0.0) != faces_camera || rows.is_empty() {
                     continue;
                 }
-                let least_m = a.z.min(b.z).min(c.z) * (1.0 - SLACK);
-                let edges = [Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)];
+                let least_m = range(2)[0] * (1.0 - SLACK);
+                let edges: [Option<Edge>; 4] =
+                    std::array::from_fn(|i| (i < count).then(|| Edge::new(polygon[i], polygon[(i + 1) % count])));
                 for row in rows {
-                    let spans = edges.iter().filter_map(|edge| edge.span(f64::from(row) + 0.5));
+                    let spans = edges.iter().flatten().filter_map(|edge| edge.span(f64::from(row) + 0.5));
                     let join = |one: [f64; 2], other: [f64; 2]| [one[0].min(other[0]), one[1].max(other[1])];
                     let [left, right] = spans.fold([f64::MAX, f64::MIN], join);
                     let slope = self.ray_C(0, row).y;
@@ -284,7 +295,22 @@ fn centres_within(from: f64, to: f64, of: Range<u32>) -> Range<u32> {
     first.clamp(of.start, of.end)..((to + 0.5 + SLACK) as u32).clamp(of.start, of.end)
 }
 
-/// An edge of a triangle in the image.
+/// The part of a triangle in C that lies before the camera, and its number of corners: three, or four where
+/// the camera's plane cuts one off (Sutherland and Hodgman, Reentrant polygon clipping, 1974).
+fn before_camera(corners: [Point3<f64>; 3]) -> ([Point3<f64>; 4], usize) {
+    let (mut polygon, mut count) = ([Point3::new(0.0, 0.0, 1.0); 4], 0);
+    for (from, to) in [(0, 1), (1, 2), (2, 0)].map(|(from, to)| (corners[from], corners[to])) {
+        let cut = || from + (to - from) * ((NEAR_M - from.z) / (to.z - from.z));
+        let kept = [(from.z > NEAR_M).then_some(from), ((from.z > NEAR_M) != (to.z > NEAR_M)).then(cut)];
+        for corner in kept.into_iter().flatten() {
+            polygon[count] = corner;
+            count += 1;
+        }
+    }
+    (polygon, count)
+}
+
+/// An edge of such a part in the image.
 struct Edge {
     from: Point3<f64>,
     /// The ranges of its image coordinates.
