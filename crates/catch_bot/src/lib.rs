@@ -6,8 +6,8 @@
 //! (III-D), and [`control`] turns that into commands.
 //!
 //! Three stages can be exchanged: [`PoseEstimator`], [`FlightPredictor`] and [`CatchPlanner`]. Each owns its
-//! settings and buffers, its inputs are values. What lasts from tick to tick is in the tracker, the last
-//! flight and the controller of [`CatchingBot`], whose [`tick`](CatchingBot::tick) reads like the paper's
+//! settings and buffers, its inputs are values. What lasts from tick to tick is in the tracker and
+//! the controller of [`CatchingBot`], whose [`tick`](CatchingBot::tick) reads like the paper's
 //! figure 2.
 //!
 //! Begin with [`CatchingBot`] (the brain of one object), [`Config`] (its settings) and
@@ -241,9 +241,9 @@ impl CatchingBot {
         // III-B: the flight that the poses agree on.
         let predicted = self.tracker.tracks.predict(&mut *self.predictor, &self.known);
         probe.stage_ended("trajectory_prediction");
-        let windows = self.tracker.windows(observation, &self.known);
         let Track { poses, flight } = &self.tracker.tracks.object;
         let (Ok(()), [first, ..], Some(flight)) = (predicted, &poses[..], flight) else {
+            let windows = self.tracker.windows(observation, &self.known);
             return self.close_report(Status::NoTrajectory, pose, Command { windows, ..Command::default() });
         };
 
@@ -261,7 +261,8 @@ impl CatchingBot {
         probe.stage_ended("trajectory_optimization");
 
         let status = decision.status;
-        let command = Command { windows, ..self.controller.command(observation, decision, flight) };
+        let command = self.controller.command(observation, decision, flight);
+        let command = Command { windows: self.tracker.windows(observation, &self.known), ..command };
         probe.stage_ended("control");
         self.close_report(status, pose, command)
     }

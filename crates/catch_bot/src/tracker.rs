@@ -24,6 +24,7 @@ const SENSED: usize = 64;
 const TOGETHER_S: f64 = 0.01;
 /// An object that has not been seen for this long is looked for everywhere, in seconds.
 const LOST_AFTER_S: f64 = 0.05;
+
 /// Readings of the encoders at one time.
 #[derive(Debug, Clone, Copy)]
 struct Sensed {
@@ -149,7 +150,8 @@ impl Tracker {
                 let pose = estimator.estimate_aside(&one, &flight.pose_at(one.capture_s()));
                 self.image_poses.extend(pose.map(|pose| (frames[i].camera, pose)));
             }
-            let pose = match followed.is_some() || self.tracks.unlabelled_s.is_none() {
+            let are_labelled = frames.iter().all(|frame| frame.mask.is_some());
+            let pose = match followed.is_some() || are_labelled {
                 true => self.tracks.follow(&view, &known.reference, estimator),
                 false => self.tracks.search(&view, &known.reference, estimator),
             };
@@ -275,6 +277,30 @@ mod tests {
         }
         tracker.tracks.unlabelled_s = Some(2.0 * LOST_AFTER_S);
         assert_eq!(windows(&tracker), None, "the object has been lost");
+    }
+
+    /// Finds the object at its mask alone.
+    struct AtMask;
+
+    impl PoseEstimator for AtMask {
+        fn estimate(&mut self, view: &View<'_>, _: Prior) -> Result<ObjectPose, PerceptionStatus> {
+            Ok(tracks::tests::pose(view.capture_s(), Point3::origin()))
+        }
+
+        fn estimate_all(&mut self, _: &View<'_>, _: &[Pose], _: &mut Vec<ObjectPose>) {}
+    }
+
+    #[test]
+    fn a_mask_is_believed_after_an_image_without() {
+        let known = preparation();
+        let mut tracker = Tracker::new(&known, false);
+        let found = [(0.0, None), (0.01, Some(Vec::new())), (0.02, None)].map(|(capture_s, mask)| {
+            let window = PixelWindow::default();
+            let frames = vec![DepthFrame { camera: 0, capture_s, window, depth_m: Vec::new(), mask }];
+            tracker.sense(&observation(capture_s, &known, frames.clone()));
+            tracker.track(&frames, &known, &mut AtMask).is_some()
+        });
+        assert_eq!(found, [false, true, false]);
     }
 
     /// Each camera is compared in turn, even where no pose is found; a turn by the number of poses would end

@@ -14,9 +14,11 @@ use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
 use crate::{CameraModel, PixelWindow};
 
-/// What is nearer to the camera's plane than this, in metres, may be anywhere in the image, and is not seen
-/// where a surface is rasterized. Image coordinates of all else are exact to a thousandth of [`SLACK`].
+/// What is nearer to the camera's plane than this, in metres, may be anywhere in the image.
 const NEAR_M: f64 = 1e-4;
+/// Distance of a camera from the box around a surface in metres, below which rays draw it: no part of it that
+/// an image shows is then nearer than [`NEAR_M`].
+const BESIDE_M: f64 = 0.01;
 /// A surface with fewer triangles than this for each pixel is rasterized.
 const TRIANGLES_PER_PIXEL: usize = 4;
 /// Triangles and pixels that are drawn, and pixels that are cleared, in the time of a ray. The triangles were
@@ -109,7 +111,9 @@ impl<'a> Sight<'a> {
 
     /// Returns whether rays draw this many pixels of the surface.
     fn is_cast(&self, pixels: usize) -> bool {
-        self.surface.mesh.triangles.len() >= TRIANGLES_PER_PIXEL * pixels
+        let from_centre = (self.p_BC - self.surface.centre).abs();
+        let is_within = (from_centre - self.surface.half_size).max() < BESIDE_M;
+        is_within || self.surface.mesh.triangles.len() >= TRIANGLES_PER_PIXEL * pixels
     }
 
     /// About how many rays take as long as drawing the surface in a window.
@@ -290,7 +294,7 @@ const SLACK: f64 = 1e-5;
 /// The pixels of a row or column whose centres lie between two image coordinates, and a little around them.
 fn centres_within(from: f64, to: f64, of: Range<u32>) -> Range<u32> {
     // The smallest whole number that is not below, which casts find in less time than `ceil` does.
-    let from = from - 0.5 - SLACK;
+    let from = (from - 0.5 - SLACK).min(f64::from(of.end));
     let first = from as u32 + u32::from(f64::from(from as u32) < from);
     first.clamp(of.start, of.end)..((to + 0.5 + SLACK) as u32).clamp(of.start, of.end)
 }

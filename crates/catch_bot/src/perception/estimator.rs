@@ -170,6 +170,8 @@ pub struct ObjectFinder {
     /// The object as it is known.
     pub reference: Arc<ReferenceModel>,
     workspace: Workspace,
+    /// Room for what is found.
+    found: Vec<ObjectPose>,
 }
 
 /// Brings the reference from a pose X_WO onto the scene's points.
@@ -179,7 +181,7 @@ impl ObjectFinder {
     /// Creates the finder for a known object. The workspace holds the buffers, best those of
     /// [`Workspace::before_flight`].
     pub fn new(config: Config, reference: Arc<ReferenceModel>, workspace: Workspace) -> Self {
-        Self { config, gate_m: GATE_M, reference, workspace }
+        Self { config, gate_m: GATE_M, reference, workspace, found: Vec::with_capacity(MOST_PLACES) }
     }
 
     /// Sets the distance from the predicted position within which the object's pixels are searched, in
@@ -229,7 +231,7 @@ impl ObjectFinder {
         mut register: impl FnMut(&Registration<'_>, &mut SceneCloud, &Pose) -> Result<Fit, PerceptionStatus>,
         found: &mut Vec<ObjectPose>,
     ) {
-        if self.workspace.detector.background.learn(view, &self.config) {
+        if self.reference.points.is_empty() || self.workspace.detector.background.learn(view, &self.config) {
             return;
         }
         for X_WO in expected {
@@ -247,20 +249,19 @@ impl ObjectFinder {
         expected: Option<&Pose>,
         register: &mut Register<'_>,
     ) -> Result<ObjectPose, PerceptionStatus> {
-        let mut found = Vec::with_capacity(MOST_PLACES);
+        let mut found = std::mem::take(&mut self.found);
+        found.clear();
         let status = self.find_elsewhere(view, expected.map_or(&[], std::slice::from_ref), register, &mut found);
-        let best = found.into_iter().reduce(
-            |best, it| {
-                if it.silhouette_mismatch < best.silhouette_mismatch { it } else { best }
-            },
-        );
+        let best = found.first().copied();
+        self.found = found;
         best.ok_or(status)
     }
 
     /// Adds what could be the object at places where something is that was not there before, beside what has
     /// been found. A thing that no orientation of the object explains, such as a hand, is another one, and so
     /// is a thing of which most of the object would have to be hidden, such as a cable on the arm: some pose
-    /// fits to any few points. Returns why the last place that was left out shows no object.
+    /// fits to any few points. Of those added the silhouette that fits best comes first. Returns why the last
+    /// place that was left out shows no object.
     fn find_elsewhere(
         &mut self,
         view: &View<'_>,
@@ -269,25 +270,29 @@ impl ObjectFinder {
         found: &mut Vec<ObjectPose>,
     ) -> PerceptionStatus {
         self.workspace.detector.collect(view, &self.reference, &self.config);
-        let mut status = PerceptionStatus::NoPoints;
-        for _ in 0..MOST_PLACES {
+        let (mut status, known, mut tried) = (PerceptionStatus::NoPoints, found.len(), 0);
+        while tried < MOST_PLACES {
             let Some(place) = self.workspace.detector.next_place(view, &self.reference, &self.config) else { break };
             let mut X_WO = Pose::from(place);
             if self.is_one_of(found, &X_WO) {
                 continue;
             }
+            tried += 1;
             let from_m = |it: &&Pose| (it.translation.vector - place.coords).norm();
             if let Some(nearest) = expected.iter().min_by(|a, b| from_m(a).total_cmp(&from_m(b))) {
                 X_WO.rotation = nearest.rotation;
             }
             match self.find_near(view, &Prior::Place(X_WO), register) {
                 Err(fault) => status = fault,
-                Ok(pose) if pose.is_explained() && self.shown_fraction(view, &pose.X_WO) >= LEAST_SHOWN => {
-                    found.push(pose);
+                Ok(pose) if !pose.is_explained() || self.shown_fraction(view, &pose.X_WO) < LEAST_SHOWN => {
+                    status = PerceptionStatus::NotConverged;
                 }
-                Ok(_) => status = PerceptionStatus::NotConverged,
+                Ok(pose) if self.is_one_of(found, &pose.X_WO) => {}
+                Ok(pose) => found.push(pose),
             }
         }
+        let mismatch = |it: &ObjectPose| it.silhouette_mismatch.unwrap_or_default();
+        found[known..].sort_by(|a, b| mismatch(a).total_cmp(&mismatch(b)));
         status
     }
 
@@ -318,7 +323,7 @@ impl ObjectFinder {
 
     /// Collects what may be the object where it is expected, and its silhouette where depths are noisy.
     fn collect(&mut self, view: &View<'_>, expected: Option<&Pose>) -> Result<(), PerceptionStatus> {
-        let Self { config, gate_m, reference, workspace: Workspace { scene, .. } } = self;
+        let Self { config, gate_m, reference, workspace: Workspace { scene, .. }, .. } = self;
         scene.collect(view, reference, expected.map(|X_WO| (X_WO, *gate_m)), config);
         match scene.points.len() {
             0 => return Err(PerceptionStatus::NoPoints),

@@ -1,4 +1,4 @@
-//! What moves, as far as it could be the object: poses and flight of each such thing.
+//! Tracks of all things that could be the object: poses and flight of each.
 
 use std::ops::RangeInclusive;
 
@@ -16,14 +16,18 @@ use crate::{
 const PARABOLA_S: RangeInclusive<f64> = 0.005..=0.15;
 /// Poses that are remembered, more than any prediction looks back at.
 pub(super) const POSES: usize = 1024;
-/// By how much faster than expected a thing may move from image to image, in m/s.
+/// Largest speed of a thing beside what is expected of it, in m/s.
 const UNEXPECTED_MPS: f64 = 15.0;
-/// A flight is followed by so many steps of this length, in seconds.
-const STEPS: usize = 75;
+/// Part of a flight in which the arm is looked for: as long before the newest pose, so many steps, and their
+/// length, all times in seconds.
+const PAST_S: f64 = 1.0;
+const STEPS: usize = 125;
 const STEP_S: f64 = 0.02;
 
-/// Things that are tracked at most besides the object.
+/// Largest number of things that are tracked besides the object.
 const MOST_OTHERS: usize = 4;
+/// Time after which a thing that is not seen any more is forgotten, in seconds.
+const FORGOTTEN_AFTER_S: f64 = 2.0 * LOST_AFTER_S;
 
 /// The object, and what else moves.
 ///
@@ -86,11 +90,11 @@ impl Track {
     }
 
     /// Distance of a pose from the expected one in metres, if it may be one of this thing, whose size is
-    /// given by a radius.
+    /// given by a radius. It is infinite where nothing is expected yet.
     pub fn distance_m(&self, pose: &ObjectPose, radius_m: f64) -> Option<f64> {
-        let X_WO = self.expected_pose(pose.capture_s)?;
+        let Some(X_WO) = self.expected_pose(pose.capture_s) else { return Some(f64::INFINITY) };
         let distance_m = (pose.X_WO.translation.vector - X_WO.translation.vector).norm();
-        let unexpected_m = UNEXPECTED_MPS * (pose.capture_s - self.seen_s()).abs();
+        let unexpected_m = UNEXPECTED_MPS * (pose.capture_s - self.seen_s()).abs().min(LOST_AFTER_S);
         (distance_m < radius_m + GATE_M + unexpected_m).then_some(distance_m)
     }
 
@@ -108,13 +112,14 @@ impl Track {
         Ok(())
     }
 
-    /// Returns whether the flight leads to where the gripper can be before it ends on the floor.
+    /// Returns whether the flight leads, or lately led, to where the gripper can be above the floor.
     pub fn leads_to(&self, arm: &MotionPlanner) -> bool {
-        let Some(flight) = &self.flight else { return false };
+        let (Some(flight), Some(first)) = (&self.flight, self.poses.first()) else { return false };
         let (base, reach_m) = (arm.robot.X_WB.translation.vector.into(), arm.longest_reach_m());
-        let mut flown = flight.propagator();
-        let path = (0..STEPS).map(|i| flown.position_at(flight.time_s + STEP_S * i as f64));
-        path.take_while(|p_W| p_W.z > FLOOR_Z_M).any(|p_W| nalgebra::distance(&p_W, &base) < reach_m)
+        let (mut flown, from_s) = (flight.propagator(), first.capture_s.max(flight.time_s - PAST_S));
+        let path = (0..STEPS).map(|i| flown.position_at(from_s + STEP_S * i as f64));
+        let in_air = path.skip_while(|p_W| p_W.z <= FLOOR_Z_M).take_while(|p_W| p_W.z > FLOOR_Z_M);
+        in_air.map(|p_W| nalgebra::distance(&p_W, &base)).any(|distance_m| distance_m < reach_m)
     }
 }
 
@@ -162,19 +167,23 @@ impl Tracks {
             std::iter::once(&*object).chain(&*others).filter_map(|it| it.expected_pose(now_s)).collect();
         let mut found = Vec::new();
         estimator.estimate_all(view, &expected, &mut found);
+        let (mut left, mut new): (Vec<&mut Track>, _) =
+            (std::iter::once(&mut *object).chain(&mut *others).collect(), Vec::new());
         for mut pose in found {
-            let distance_m = |track: &Track| track.distance_m(&pose, reference.radius_m);
-            let near = std::iter::once(&mut *object).chain(&mut *others);
-            let near = near.filter_map(|track| Some((distance_m(track)?, track)));
-            match near.min_by(|a, b| a.0.total_cmp(&b.0)) {
-                Some((_, track)) => {
-                    let R_WO = track.expected_pose(now_s).map_or(pose.X_WO.rotation, |X_WO| X_WO.rotation);
-                    pose.X_WO.rotation = reference.symmetry.nearest_alike(&R_WO, &pose.X_WO.rotation);
-                    track.remember(pose);
-                }
-                None => others.push(Track { poses: vec![pose], flight: None }),
+            let near =
+                left.iter().enumerate().filter_map(|(i, it)| Some((i, it.distance_m(&pose, reference.radius_m)?)));
+            let Some((i, _)) = near.min_by(|a, b| a.1.total_cmp(&b.1)) else {
+                new.push(Track { poses: vec![pose], flight: None });
+                continue;
+            };
+            let track = left.swap_remove(i);
+            if let Some(X_WO) = track.expected_pose(now_s) {
+                pose.X_WO.rotation = reference.symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
             }
+            track.remember(pose);
         }
+        others.append(&mut new);
+        others.retain(|it| it.seen_s() > now_s - FORGOTTEN_AFTER_S);
         others.sort_by(|a, b| b.seen_s().total_cmp(&a.seen_s()));
         others.truncate(MOST_OTHERS);
         if now_s > object.seen_s() + LOST_AFTER_S
@@ -208,7 +217,7 @@ impl Tracks {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use catch_cell::{DepthFrame, PixelWindow};
     use nalgebra::{Matrix6, Point3, Vector3};
 
@@ -218,7 +227,7 @@ mod tests {
         tracker::tests::preparation,
     };
 
-    fn pose(capture_s: f64, p_WO: Point3<f64>) -> ObjectPose {
+    pub fn pose(capture_s: f64, p_WO: Point3<f64>) -> ObjectPose {
         ObjectPose {
             capture_s,
             X_WO: p_WO.into(),
@@ -262,13 +271,24 @@ mod tests {
         let known = preparation();
         let leads = |p_WOcm: Point3<f64>, v_WOcm: Vector3<f64>| {
             let flight = FlightTrajectory { p_WOcm, v_WOcm, ..FlightTrajectory::default() };
-            Track { poses: Vec::new(), flight: Some(flight) }.leads_to(&known.search.motion)
+            Track { poses: vec![pose(0.0, p_WOcm)], flight: Some(flight) }.leads_to(&known.search.motion)
         };
         let (from, to_arm) = (Point3::new(3.0, 0.0, 1.0), Vector3::new(-5.0, 0.0, 2.0));
         assert!(leads(from, to_arm));
         assert!(!leads(from, -to_arm), "it flies away");
         assert!(!leads(from, Vector3::new(-1.0, 0.0, 0.0)), "it falls to the floor before");
         assert!(!leads(Point3::new(3.0, 0.0, 4.0), Vector3::new(-9.0, 0.0, 9.0)), "it passes above");
+        let flight = FlightTrajectory {
+            time_s: 1.0,
+            p_WOcm: [-2.0, 0.0, 0.095].into(),
+            v_WOcm: [-5.0, 0.0, -5.81].into(),
+            ..FlightTrajectory::default()
+        };
+        let track = Track { poses: vec![pose(0.0, from)], flight: Some(flight) };
+        assert!(track.leads_to(&known.search.motion), "it has passed the arm");
+        let flight = FlightTrajectory { time_s: 3.0, p_WOcm: from, v_WOcm: to_arm, ..FlightTrajectory::default() };
+        let track = Track { poses: vec![pose(0.0, from)], flight: Some(flight) };
+        assert!(track.leads_to(&known.search.motion), "it was seen long before");
     }
 
     /// Sees a hand from the first image on, and a thrown object from the third.
@@ -281,8 +301,13 @@ mod tests {
     }
 
     impl PoseEstimator for HandAndObject {
-        fn estimate(&mut self, view: &View<'_>, _: Prior) -> Result<ObjectPose, PerceptionStatus> {
-            Ok(pose(view.capture_s(), thrown(view.capture_s())))
+        fn estimate(&mut self, view: &View<'_>, prior: Prior) -> Result<ObjectPose, PerceptionStatus> {
+            let (time_s, expected) = (view.capture_s(), Point3::from(prior.pose().unwrap().translation.vector));
+            let all = [thrown(time_s), Self::hand(time_s)];
+            let nearest = all
+                .into_iter()
+                .min_by(|a, b| nalgebra::distance(a, &expected).total_cmp(&nalgebra::distance(b, &expected)));
+            Ok(pose(time_s, nearest.unwrap()))
         }
 
         fn estimate_all(&mut self, view: &View<'_>, _: &[Pose], found: &mut Vec<ObjectPose>) {

@@ -139,8 +139,9 @@ pub enum PredictionStatus {
 pub trait FlightPredictor: Send {
     /// The flight that the poses seen so far agree on.
     ///
-    /// `poses` are all poses of this throw in W, oldest first, outliers included; `previous` is the flight
-    /// that was predicted last, `None` before the first. The result holds at the time of the newest pose.
+    /// `poses` are all poses of one thing in this throw in W, oldest first, outliers included; `previous` is its
+    /// flight as predicted last, `None` before the first. The result holds at the time of the newest pose. Until
+    /// it is known what flies to the arm, several things are asked about in one tick.
     ///
     /// # Errors
     /// Why there is no flight.

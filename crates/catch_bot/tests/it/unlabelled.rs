@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use catch_body::{Gripper, JointVector, Pose, Robot, ray_cast::ArmSurface, robot_file::RobotFiles};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
-use nalgebra::{Point3, UnitQuaternion};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use catch_bot::perception::{
     Config, DepthNoise, GATE_M, PoseEstimator, Prior, SdfEstimator, Surroundings, View, Workspace,
@@ -268,4 +268,43 @@ fn what_rises_from_the_arm_is_not_the_object() {
         }
     }
     assert!(shown > 4, "{shown}");
+}
+
+/// A camera's image of several objects of one shape, with nothing else.
+fn image_of_all(number: usize, camera: &CameraModel, shape: &Shape, all_X_WS: &[Pose]) -> DepthFrame {
+    let window = camera.full_window();
+    let mut depth_m = vec![f32::NAN; window.area()];
+    for X_WS in all_X_WS {
+        let object = synthetic::depth_frame(number, camera, shape, X_WS, 0.03);
+        for (pixel, seen_m) in object.depth_m.iter().enumerate().filter(|(_, seen_m)| seen_m.is_finite()) {
+            let uv = object.window.pixel_centre(pixel);
+            let there_m = &mut depth_m[uv.y as usize * camera.width_px as usize + uv.x as usize];
+            *there_m = there_m.min(*seen_m);
+        }
+    }
+    DepthFrame { camera: number, capture_s: 0.0, window, depth_m, mask: None }
+}
+
+#[test]
+fn all_that_could_be_the_object_is_found_once() {
+    let (shape, cameras) = (Shape::banana(), synthetic::flight_rig());
+    let reference = Arc::new(synthetic::reference(&shape, 200));
+    let mut normal = Normal::new(1);
+    let [one, mut other] = [(); 2].map(|()| synthetic::pose_in_flight(&mut normal));
+    other.translation.vector = one.translation.vector + Vector3::new(0.3, 0.2, 0.1);
+    let all = [one, other].map(|X_WO| X_WO * reference.X_RO.inverse());
+    let images = (0..).zip(&cameras).map(|(number, camera)| image_of_all(number, camera, &shape, &all));
+    let frames: Vec<DepthFrame> = images.collect();
+    let view = View { frames: &frames, cameras: &cameras, ..View::default() };
+    let mut estimator = SdfEstimator::new(Config::default(), reference, Workspace::default());
+    for expected in [&[][..], &[other], &[other, one, one]] {
+        let mut found = Vec::new();
+        estimator.estimate_all(&view, expected, &mut found);
+        assert_eq!(found.len(), 2, "{expected:?}");
+        let off_m = |X_WO: &Pose| {
+            let offs_m = found.iter().map(|it| (it.X_WO.translation.vector - X_WO.translation.vector).norm());
+            offs_m.fold(f64::INFINITY, f64::min)
+        };
+        assert!(off_m(&one) < 1e-3 && off_m(&other) < 1e-3, "{found:?}");
+    }
 }
