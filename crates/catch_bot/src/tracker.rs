@@ -128,7 +128,7 @@ impl Tracker {
         let frames = oldest_first(frames);
         let (mut newest, mut left, mut surroundings) = (None, &frames[..], Vec::with_capacity(frames.len()));
         while !left.is_empty() {
-            let (frames, later) = left.split_at(together(left, self.tracks.followed().is_some()));
+            let (frames, later) = left.split_at(together(left, self.tracks.followed(left[0].capture_s).is_some()));
             left = later;
             surroundings.clear();
             for frames in frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
@@ -140,7 +140,7 @@ impl Tracker {
             }
             let (cameras, left_out) = (&self.alignment.cameras, &self.health.left_out);
             let mut view = View { frames, cameras, left_out, surroundings: &surroundings, V_WO: Twist::default() };
-            let followed = self.tracks.followed();
+            let followed = self.tracks.followed(view.capture_s());
             view.V_WO = followed.map_or(view.V_WO, |flight| flight.twist_at(view.capture_s()));
             if let Some(flight) = followed.filter(|_| self.compares_cameras && self.image_poses.len() < POSES) {
                 // One image of these by itself, in turn.
@@ -164,8 +164,7 @@ impl Tracker {
     /// masks (sensors that tell objects apart read out the right pixels by themselves). Full images if it has
     /// been lost.
     pub fn windows(&self, observation: &Observation, known: &Preparation) -> Option<Vec<PixelWindow>> {
-        let flight = self.tracks.followed()?;
-        self.tracks.unlabelled_s.filter(|newest_s| *newest_s <= flight.time_s + LOST_AFTER_S)?;
+        let flight = self.tracks.followed(self.tracks.unlabelled_s?)?;
         let mut sensed_s = self.sensed.iter().rev().map(|sensed| sensed.time_s);
         let period_s = sensed_s.next().zip(sensed_s.next()).map_or(0.0, |(now_s, before_s)| now_s - before_s);
         let next_s = observation.time_s + period_s;

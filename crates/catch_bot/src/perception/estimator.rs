@@ -30,7 +30,8 @@ pub trait PoseEstimator: Send {
     /// All things in the images of one capture time that could be the object, while it is not known which one
     /// flies to the arm. `expected` are poses X_WO at that time of what was seen before, the likeliest first.
     fn estimate_all(&mut self, view: &View<'_>, expected: &[Pose], found: &mut Vec<ObjectPose>) {
-        found.extend(self.estimate(view, expected.first().copied().into()));
+        let near = expected.first().and_then(|X_WO| self.estimate(view, Prior::Pose(*X_WO)).ok());
+        found.extend(near.or_else(|| self.estimate(view, Prior::Anywhere).ok()));
     }
 
     /// A rigid motion T in O, if the newest pose shows that all earlier ones had the object the wrong way
@@ -170,8 +171,6 @@ pub struct ObjectFinder {
     /// The object as it is known.
     pub reference: Arc<ReferenceModel>,
     workspace: Workspace,
-    /// Room for what is found.
-    found: Vec<ObjectPose>,
 }
 
 /// Brings the reference from a pose X_WO onto the scene's points.
@@ -181,7 +180,7 @@ impl ObjectFinder {
     /// Creates the finder for a known object. The workspace holds the buffers, best those of
     /// [`Workspace::before_flight`].
     pub fn new(config: Config, reference: Arc<ReferenceModel>, workspace: Workspace) -> Self {
-        Self { config, gate_m: GATE_M, reference, workspace, found: Vec::with_capacity(MOST_PLACES) }
+        Self { config, gate_m: GATE_M, reference, workspace }
     }
 
     /// Sets the distance from the predicted position within which the object's pixels are searched, in
@@ -193,8 +192,9 @@ impl ObjectFinder {
 
     /// Finds the object in all depth images of one capture time.
     ///
-    /// From a predicted pose `register` brings the reference onto the scene's points; without one, or when it
-    /// leads nowhere, the object is looked for everywhere and all orientations are tried.
+    /// From a predicted pose `register` brings the reference onto the scene's points; where that leads nowhere,
+    /// all orientations are tried there. Without one the object is looked for everywhere, and in images with
+    /// masks also if it is not where it was predicted.
     ///
     /// # Errors
     /// Why there is no pose.
@@ -210,15 +210,17 @@ impl ObjectFinder {
         if self.workspace.detector.background.learn(view, &self.config) {
             return Err(PerceptionStatus::NoPoints);
         }
-        let expected = prior.pose();
-        let found = expected.map(|_| self.find_near(view, &prior, &mut register));
-        let unlabelled = view.frames.iter().any(|frame| frame.mask.is_none());
-        match found {
-            Some(Ok(pose)) if !unlabelled || pose.is_explained() => Ok(pose),
-            Some(Ok(pose)) => Ok(self.find_anywhere(view, expected, &mut register).unwrap_or(pose)),
-            Some(Err(status)) if !unlabelled && status != PerceptionStatus::NoPoints => Err(status),
-            _ if !unlabelled => self.find_near(view, &Prior::Anywhere, &mut register),
-            _ => self.find_anywhere(view, expected, &mut register),
+        let are_labelled = view.frames.iter().all(|frame| frame.mask.is_some());
+        match prior.pose().map(|_| self.find_near(view, &prior, &mut register)) {
+            None | Some(Err(PerceptionStatus::NoPoints)) if are_labelled => {
+                self.find_near(view, &Prior::Anywhere, &mut register)
+            }
+            Some(found) => found,
+            None => {
+                let mut found = Vec::new();
+                let status = self.find_elsewhere(view, &[], &mut register, &mut found);
+                found.first().copied().ok_or(status)
+            }
         }
     }
 
@@ -240,21 +242,6 @@ impl ObjectFinder {
             found.extend(near.ok().filter(is_new));
         }
         self.find_elsewhere(view, expected, &mut register, found);
-    }
-
-    /// Finds the object at one of the places where something is that was not there before.
-    fn find_anywhere(
-        &mut self,
-        view: &View<'_>,
-        expected: Option<&Pose>,
-        register: &mut Register<'_>,
-    ) -> Result<ObjectPose, PerceptionStatus> {
-        let mut found = std::mem::take(&mut self.found);
-        found.clear();
-        let status = self.find_elsewhere(view, expected.map_or(&[], std::slice::from_ref), register, &mut found);
-        let best = found.first().copied();
-        self.found = found;
-        best.ok_or(status)
     }
 
     /// Adds what could be the object at places where something is that was not there before, beside what has
@@ -323,7 +310,7 @@ impl ObjectFinder {
 
     /// Collects what may be the object where it is expected, and its silhouette where depths are noisy.
     fn collect(&mut self, view: &View<'_>, expected: Option<&Pose>) -> Result<(), PerceptionStatus> {
-        let Self { config, gate_m, reference, workspace: Workspace { scene, .. }, .. } = self;
+        let Self { config, gate_m, reference, workspace: Workspace { scene, .. } } = self;
         scene.collect(view, reference, expected.map(|X_WO| (X_WO, *gate_m)), config);
         match scene.points.len() {
             0 => return Err(PerceptionStatus::NoPoints),

@@ -130,9 +130,10 @@ impl Tracks {
         Self { object, others: Vec::new(), is_followed: false, unlabelled_s: None }
     }
 
-    /// The object's flight, if it leads to the arm.
-    pub fn followed(&self) -> Option<&FlightTrajectory> {
-        self.object.flight.as_ref().filter(|_| self.is_followed)
+    /// The object's flight at a time, if it leads to the arm and the object was seen lately.
+    pub fn followed(&self, time_s: f64) -> Option<&FlightTrajectory> {
+        let is_lost = |flight: &FlightTrajectory| self.unlabelled_s.is_some() && time_s > flight.time_s + LOST_AFTER_S;
+        self.object.flight.as_ref().filter(|flight| self.is_followed && !is_lost(flight))
     }
 
     /// Tracks the object alone, where it is known which thing that is.
@@ -161,7 +162,7 @@ impl Tracks {
         reference: &ReferenceModel,
         estimator: &mut dyn PoseEstimator,
     ) -> Option<ObjectPose> {
-        let Self { object, others, .. } = self;
+        let Self { object, others, is_followed, .. } = self;
         let now_s = view.capture_s();
         let expected: Vec<Pose> =
             std::iter::once(&*object).chain(&*others).filter_map(|it| it.expected_pose(now_s)).collect();
@@ -186,7 +187,8 @@ impl Tracks {
         others.retain(|it| it.seen_s() > now_s - FORGOTTEN_AFTER_S);
         others.sort_by(|a, b| b.seen_s().total_cmp(&a.seen_s()));
         others.truncate(MOST_OTHERS);
-        if now_s > object.seen_s() + LOST_AFTER_S
+        if !*is_followed
+            && now_s > object.seen_s() + LOST_AFTER_S
             && let Some(newer) = others.first_mut().filter(|it| it.seen_s() > object.seen_s())
         {
             std::mem::swap(object, newer);
@@ -204,7 +206,7 @@ impl Tracks {
         let (symmetry, arm) = (&known.reference.symmetry, &known.search.motion);
         let predicted = self.object.predict(predictor, symmetry);
         self.is_followed = self.unlabelled_s.is_none() || predicted.is_ok() && self.object.leads_to(arm);
-        if self.is_followed {
+        if self.unlabelled_s.is_none_or(|now_s| self.followed(now_s).is_some()) {
             self.others.clear();
             return predicted;
         }
@@ -328,7 +330,7 @@ pub(super) mod tests {
             let window = PixelWindow::default();
             let frames = [DepthFrame { camera: 0, capture_s: time_s, window, depth_m: Vec::new(), mask: None }];
             let view = View { frames: &frames, ..View::default() };
-            match tracks.followed() {
+            match tracks.followed(time_s) {
                 Some(_) => tracks.follow(&view, &known.reference, &mut HandAndObject),
                 None => tracks.search(&view, &known.reference, &mut HandAndObject),
             };
@@ -338,7 +340,7 @@ pub(super) mod tests {
         }
         // Three poses tell a flight.
         assert_eq!(nearest, ["hand", "hand", "hand", "hand", "object", "object", "object", "object"]);
-        assert!(tracks.followed().is_some() && tracks.others.is_empty());
+        assert!(tracks.followed(0.07).is_some() && tracks.others.is_empty());
         assert!(tracks.object.poses.iter().all(|it| it.X_WO == thrown(it.capture_s).into()), "poses are mixed");
     }
 }
