@@ -192,9 +192,9 @@ impl ObjectFinder {
 
     /// Finds the object in all depth images of one capture time.
     ///
-    /// From a predicted pose `register` brings the reference onto the scene's points; where that leads nowhere,
-    /// all orientations are tried there. Without one the object is looked for everywhere, and in images with
-    /// masks also if it is not where it was predicted.
+    /// From a predicted pose `register` brings the reference onto the scene's points; where that leads
+    /// nowhere, all orientations are tried there. Without one the object is looked for everywhere, and in
+    /// images with masks also if it is not where it was predicted.
     ///
     /// # Errors
     /// Why there is no pose.
@@ -224,8 +224,8 @@ impl ObjectFinder {
         }
     }
 
-    /// Finds all things in images of one capture time that could be the object, each once: what is expected, at
-    /// poses X_WO, and what else was not there before. Images with masks show none.
+    /// Finds all things in images of one capture time that could be the object, each once: what is expected,
+    /// at poses X_WO, and what else was not there before. Images with masks show none.
     fn find_all(
         &mut self,
         view: &View<'_>,

@@ -139,9 +139,9 @@ pub enum PredictionStatus {
 pub trait FlightPredictor: Send {
     /// The flight that the poses seen so far agree on.
     ///
-    /// `poses` are all poses of one thing in this throw in W, oldest first, outliers included; `previous` is its
-    /// flight as predicted last, `None` before the first. The result holds at the time of the newest pose. Until
-    /// it is known what flies to the arm, several things are asked about in one tick.
+    /// `poses` are all poses of one thing in this throw in W, oldest first, outliers included; `previous` is
+    /// its flight as predicted last, `None` before the first. The result holds at the time of the newest
+    /// pose. Until it is known what flies to the arm, one tick asks about several things.
     ///
     /// # Errors
     /// Why there is no flight.

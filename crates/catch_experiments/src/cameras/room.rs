@@ -14,8 +14,8 @@ use crate::{
 
 /// Images of a scene in which nothing flies are those of so many seconds.
 const QUIET_S: f64 = 2.0;
-/// Throws of an object per trial of the page, and scenes in which nothing flies: a room takes several times as
-/// long as none.
+/// Throws of an object per trial of the page, and scenes in which nothing flies: a room takes several times
+/// as long as none.
 const PER_TRIAL: [f64; 2] = [0.5, 0.25];
 
 /// Images in which nothing flies, and whether the arm moved.
