@@ -123,12 +123,14 @@ impl Tracker {
         known: &Preparation,
         estimator: &mut dyn PoseEstimator,
     ) -> Option<ObjectPose> {
+        // Whether the object is lost is told by the images before these.
+        let before_s = self.tracks.unlabelled_s.unwrap_or(f64::NEG_INFINITY);
         let unlabelled_s = frames.iter().filter(|frame| frame.mask.is_none()).map(|frame| frame.capture_s);
         self.tracks.unlabelled_s = self.tracks.unlabelled_s.into_iter().chain(unlabelled_s).reduce(f64::max);
         let frames = oldest_first(frames);
         let (mut newest, mut left, mut surroundings) = (None, &frames[..], Vec::with_capacity(frames.len()));
         while !left.is_empty() {
-            let (frames, later) = left.split_at(together(left, self.tracks.followed(left[0].capture_s).is_some()));
+            let (frames, later) = left.split_at(together(left, self.tracks.followed(before_s).is_some()));
             left = later;
             surroundings.clear();
             for frames in frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
@@ -140,7 +142,7 @@ impl Tracker {
             }
             let (cameras, left_out) = (&self.alignment.cameras, &self.health.left_out);
             let mut view = View { frames, cameras, left_out, surroundings: &surroundings, V_WO: Twist::default() };
-            let followed = self.tracks.followed(view.capture_s());
+            let followed = self.tracks.followed(before_s);
             view.V_WO = followed.map_or(view.V_WO, |flight| flight.twist_at(view.capture_s()));
             if let Some(flight) = followed.filter(|_| self.compares_cameras && self.image_poses.len() < POSES) {
                 // One image of these by itself, in turn.

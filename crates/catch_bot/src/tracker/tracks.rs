@@ -130,7 +130,7 @@ impl Tracks {
         Self { object, others: Vec::new(), is_followed: false, unlabelled_s: None }
     }
 
-    /// The object's flight at a time, if it leads to the arm and the object was seen lately.
+    /// The object's flight, if it leads to the arm and the object was seen lately at a time.
     pub fn followed(&self, time_s: f64) -> Option<&FlightTrajectory> {
         let is_lost = |flight: &FlightTrajectory| self.unlabelled_s.is_some() && time_s > flight.time_s + LOST_AFTER_S;
         self.object.flight.as_ref().filter(|flight| self.is_followed && !is_lost(flight))
@@ -183,7 +183,9 @@ impl Tracks {
             }
             track.remember(pose);
         }
-        others.append(&mut new);
+        // New things first, so that others which were seen now do not displace them.
+        new.append(others);
+        *others = new;
         others.retain(|it| it.seen_s() > now_s - FORGOTTEN_AFTER_S);
         others.sort_by(|a, b| b.seen_s().total_cmp(&a.seen_s()));
         others.truncate(MOST_OTHERS);
