@@ -6,9 +6,8 @@
 //! (III-D), and [`control`] turns that into commands.
 //!
 //! Three stages can be exchanged: [`PoseEstimator`], [`FlightPredictor`] and [`CatchPlanner`]. Each owns its
-//! settings and buffers, its inputs are values. What lasts from tick to tick is in the tracker and
-//! the controller of [`CatchingBot`], whose [`tick`](CatchingBot::tick) reads like the paper's
-//! figure 2.
+//! settings and buffers, its inputs are values. What lasts from tick to tick is in the tracker and the
+//! controller of [`CatchingBot`], whose [`tick`](CatchingBot::tick) reads like the paper's figure 2.
 //!
 //! Begin with [`CatchingBot`] (the brain of one object), [`Config`] (its settings) and
 //! [`cycle::CatchingCycle`] (a life of many throws of several objects):

@@ -299,8 +299,9 @@ fn centres_within(from: f64, to: f64, of: Range<u32>) -> Range<u32> {
     first.clamp(of.start, of.end)..((to + 0.5 + SLACK) as u32).clamp(of.start, of.end)
 }
 
-/// The part of a triangle in C that lies before the camera, and its number of corners: three, or four where
-/// the camera's plane cuts one off (Sutherland and Hodgman, Reentrant polygon clipping, 1974).
+/// The part of a triangle in C that lies before the camera, and its number of corners: three, four where the
+/// camera's plane cuts one off, none where all is behind (Sutherland and Hodgman, Reentrant polygon clipping,
+/// 1974).
 fn before_camera(corners: [Point3<f64>; 3]) -> ([Point3<f64>; 4], usize) {
     let (mut polygon, mut count) = ([Point3::new(0.0, 0.0, 1.0); 4], 0);
     for (from, to) in [(0, 1), (1, 2), (2, 0)].map(|(from, to)| (corners[from], corners[to])) {
@@ -314,7 +315,7 @@ fn before_camera(corners: [Point3<f64>; 3]) -> ([Point3<f64>; 4], usize) {
     (polygon, count)
 }
 
-/// An edge of such a part in the image.
+/// An edge of a clipped triangle in the image.
 struct Edge {
     from: Point3<f64>,
     /// The ranges of its image coordinates.

@@ -18,9 +18,9 @@ const PARABOLA_S: RangeInclusive<f64> = 0.005..=0.15;
 pub(super) const POSES: usize = 1024;
 /// Largest speed of a thing beside what is expected of it, in m/s.
 const UNEXPECTED_MPS: f64 = 15.0;
-/// Part of a flight in which the arm is looked for: as long before the newest pose, so many steps, and their
-/// length, all times in seconds.
+/// Time before the newest pose from which on a flight is checked for leading to the arm, in seconds.
 const PAST_S: f64 = 1.0;
+/// Number of steps of that check, and the length of one in seconds.
 const STEPS: usize = 125;
 const STEP_S: f64 = 0.02;
 
