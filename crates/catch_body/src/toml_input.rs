@@ -20,6 +20,9 @@ const MOST_LETTERS: usize = 80;
 const MOST_FAULTS: usize = 20;
 
 impl InputError {
+    /// What was found where a field is none that there is.
+    pub const UNKNOWN_FIELD: &str = "an unknown field";
+
     /// Parses TOML into `T`.
     ///
     /// # Errors
@@ -306,7 +309,7 @@ impl Error for Fault {
     }
 
     fn unknown_field(field: &str, expected: &'static [&'static str]) -> Self {
-        Self::new("an unknown field", one_of(expected), FaultKind::Other).within(Step::Key(brief(field)))
+        Self::new(InputError::UNKNOWN_FIELD, one_of(expected), FaultKind::Other).within(Step::Key(brief(field)))
     }
 
     fn missing_field(field: &'static str) -> Self {

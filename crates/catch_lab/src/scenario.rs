@@ -157,25 +157,31 @@ impl Scenario {
     /// # Errors
     /// A setting that is no `FIELD=VALUE`, a field that there is not, or a value that it cannot have.
     pub fn with_settings(mut self, settings: &[String]) -> Result<Self, InputError> {
+        let fault = |found: String, expected: String| InputError::new(COMMAND_LINE, "--set", found, expected);
+        let named = toml::Table::try_from(&self).map_err(|it| fault(it.to_string(), "a scenario".to_owned()))?;
+        let mut tree = named.clone();
         for setting in settings {
-            let fault = |expected: String| InputError::new(COMMAND_LINE, "--set", format!("`{setting}`"), expected);
+            let fault = |expected: String| fault(format!("`{setting}`"), expected);
             let example = || fault("FIELD=VALUE, such as arena.restitution_scale=0.5".to_owned());
             let whole = |path: &str| path.split('.').all(|field| !field.trim().is_empty());
             let (path, text) = setting.split_once('=').filter(|(path, _)| whole(path)).ok_or_else(example)?;
             // A value that is no TOML is meant as text.
             let value = InputError::toml_table(&format!("value = {text}")).ok();
             let value = value.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.trim().into());
-            let mut tree = toml::Table::try_from(&self).map_err(|it| fault(it.to_string()))?;
-            let hint = hint(path, &tree);
-            add_optional_tables(path, &mut tree);
-            let (table, field) = parent(path, &mut tree, &hint, &fault)?;
+            let (table, field) = parent(path, &mut tree).map_err(fault)?;
             table.insert(field.to_owned(), value);
             depth_errors::fill_in(&mut tree, COMMAND_LINE)?;
-            let changed = InputError::from_table(COMMAND_LINE, tree)
-                .map_err(|it| InputError { expected: format!("{}{hint}", it.expected), ..it })?;
-            self = InputError::without_faults(changed)?;
             self.name = format!("{}+{}", self.name, setting.replace(' ', ""));
         }
+        let with_hint = |it: InputError| match it.found.as_str() {
+            InputError::UNKNOWN_FIELD => {
+                let hint = did_you_mean(field_meant(&it.field, &named).as_deref());
+                InputError { expected: it.expected + &hint, ..it }
+            }
+            _ => it,
+        };
+        let changed = InputError::from_table(COMMAND_LINE, tree).map_err(with_hint)?;
+        self = Self { name: self.name, ..InputError::without_faults(changed)? };
         self.faults(COMMAND_LINE).into_iter().next().map_or(Ok(self), Err)
     }
 
@@ -223,45 +229,16 @@ impl Scenario {
     }
 }
 
-/// Adds the tables on the way to a field that a scenario may have and this one leaves out, unless a field of
-/// theirs has no default.
-fn add_optional_tables(path: &str, tree: &mut toml::Table) {
-    for (end, _) in path.match_indices('.') {
-        let mut with_table = tree.clone();
-        let Ok((table, field)) = parent(&path[..end], &mut with_table, "", &|it| InputError::new("", "", "", it))
-        else {
-            return;
-        };
-        if table.contains_key(field) {
-            continue;
-        }
-        table.insert(field.to_owned(), toml::Value::Table(toml::Table::new()));
-        if InputError::from_table::<Scenario>("", with_table.clone()).is_ok() {
-            *tree = with_table;
-        }
-    }
-}
-
-/// The table in which the field of a path stands, and the field's own name.
-fn parent<'a, 'b>(
-    path: &'b str,
-    tree: &'a mut toml::Table,
-    hint: &str,
-    fault: &dyn Fn(String) -> InputError,
-) -> Result<(&'a mut toml::Table, &'b str), InputError> {
+/// The table in which the field of a path stands, and the field's own name. A table that is left out is there
+/// from now on. What is expected instead if something on the way is no table.
+fn parent<'a, 'b>(path: &'b str, tree: &'a mut toml::Table) -> Result<(&'a mut toml::Table, &'b str), String> {
     let (parents, field) = path.rsplit_once('.').map_or((None, path), |(parents, field)| (Some(parents), field));
     let mut table = tree;
     for parent in parents.into_iter().flat_map(|it| it.split('.')).map(str::trim) {
-        let known = table.keys().cloned().collect::<Vec<_>>().join(", ");
-        let next = table.get_mut(parent).and_then(toml::Value::as_table_mut);
-        table = next.ok_or_else(|| fault(format!("a table instead of `{parent}`: one of {known}{hint}")))?;
+        let next = table.entry(parent).or_insert_with(|| toml::Table::new().into());
+        table = next.as_table_mut().ok_or_else(|| format!("`{parent}=VALUE`: it has no fields"))?;
     }
     Ok((table, field.trim()))
-}
-
-/// Addition to an error about a path, where another one is probably meant.
-fn hint(path: &str, tree: &toml::Table) -> String {
-    did_you_mean(field_meant(path.trim(), tree).as_deref())
 }
 
 /// The field that is probably meant by the path of one that there is not: spelt alike, or of the same name
@@ -271,9 +248,6 @@ fn field_meant(path: &str, tree: &toml::Table) -> Option<String> {
     let mut known = Vec::new();
     fields("", &tree, &mut known);
     let known: Vec<&str> = known.iter().map(|(field, _)| field.as_str()).collect();
-    if known.contains(&path) {
-        return None;
-    }
     let name = |path: &str| path.rsplit('.').next().unwrap_or_default().to_owned();
     let elsewhere = known.iter().find(|it| name(it) == name(path)).copied();
     elsewhere.or_else(|| nearest(path, &known)).map(str::to_owned)
@@ -318,6 +292,8 @@ mod tests {
         let calibrated = set(&["calibration.position_sd_m=0.01"]).unwrap();
         assert!(scenario.calibration.is_none() && calibrated.calibration.is_some_and(|it| it.position_sd_m == 0.01));
         assert!(scenario.name.starts_with("paper+arena.restitution_scale=0.5+"), "{}", scenario.name);
+        let person = set(&["arena.person.nearest_m=2", "arena.person.speed_mps=1"]).unwrap().arena.person;
+        assert_eq!(person.map(|it| it.speed_mps), Some(1.0));
     }
 
     #[test]
@@ -417,6 +393,8 @@ mod tests {
             ("arena.frame_rate_hz=many", "expected a number"),
             ("arena.frictoin=0.3", "did you mean `arena.friction`?"),
             ("friction=0.3", "did you mean `arena.friction`?"),
+            ("arena.frame_rate_hz.x=1", "`frame_rate_hz=VALUE`"),
+            ("arena.person.speed_mps=1", "arena.person.nearest_m: found nothing"),
             ("brain.grasp_selection.closing_speed_mps=0", "brain.grasp_selection.closing_speed_mps"),
             ("arena.latency_s=100", "arena.latency_s"),
             ("clock={ fixed_ms = 20000 }", "clock.fixed_ms"),
