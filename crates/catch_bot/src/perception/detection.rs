@@ -6,8 +6,8 @@ use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
 use super::{
     Config, ReferenceModel,
-    known_background::{KnownBackground, nearer_than_m},
-    segmentation::{BACKGROUND_MARGIN_M, Background, Surroundings},
+    known_background::KnownBackground,
+    segmentation::{BACKGROUND_MARGIN_M, Background, Surroundings, nearer_than_m},
     view::View,
 };
 

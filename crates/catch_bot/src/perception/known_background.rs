@@ -8,7 +8,7 @@ use catch_cell::{CameraModel, camera::among_neighbours};
 
 use super::{
     Config,
-    segmentation::{Background, Surroundings, bleeding_px, is_full, threshold_m},
+    segmentation::{Background, Surroundings, bleeding_px, is_full, nearer_than_m},
     view::View,
 };
 
@@ -42,11 +42,6 @@ struct Learned {
 /// Arms whose links are nearer to where they wait than this, in metres and radians, are waiting: half of the
 /// margin by which a pixel must be nearer than the background.
 const WAITING: f64 = 5e-3;
-
-/// Depth before which a pixel shows an object in front of the background at `depth_m`, in metres.
-pub(super) fn nearer_than_m(depth_m: f64, config: &Config) -> f64 {
-    if depth_m.is_finite() { depth_m - threshold_m(depth_m, config) } else { f64::INFINITY }
-}
 
 impl KnownBackground {
     /// Prepares the background with an arm that will be waiting where `surroundings` say.

@@ -69,6 +69,8 @@ const MAX_BODIES: usize = 16;
 pub struct Background<'a> {
     camera: &'a CameraModel,
     bodies: [Option<Sight<'a>>; MAX_BODIES],
+    /// Depth before which a pixel shows something in front of all bodies, by what a bound of each says.
+    before_bodies_m: f64,
     /// Height of the camera over the floor and the vertical in C.
     floor: Option<(f64, Vector3<f64>)>,
     /// Distance beside an edge of these bodies within which a pixel may show them, in pixels.
@@ -106,10 +108,11 @@ impl<'a> Background<'a> {
         let around = part.widened(bleeding_px, &camera.full_window());
         let in_sight = parts.map(|(X_WB, surface)| Sight::new(camera, &X_WB, surface));
         let mut in_sight = in_sight.filter(|it| it.window().intersection(&around).area() > 0);
-        let bodies = std::array::from_fn(|_| in_sight.next());
+        let bodies: [Option<Sight<'_>>; MAX_BODIES] = std::array::from_fn(|_| in_sight.next());
+        let from_m = bodies.iter().flatten().map(Sight::nearest_m).fold(f64::INFINITY, f64::min);
         let up_C = camera.X_WC.rotation.inverse() * Vector3::z();
         let floor = config.sees_floor().then_some((camera.X_WC.translation.z - FLOOR_Z_M, up_C));
-        Self { camera, bodies, floor, bleeding_px, drawn: None }
+        Self { camera, bodies, before_bodies_m: nearer_than_m(from_m, config), floor, bleeding_px, drawn: None }
     }
 
     /// Draws the bodies around a part of the image, where that takes less time than so many rays.
@@ -120,6 +123,13 @@ impl<'a> Background<'a> {
             buffer.redraw(window, bodies());
             self.drawn = Some(buffer);
         }
+    }
+
+    /// Returns whether a depth at image coordinates is clearly nearer than the bounds of all that is there,
+    /// which cost no ray.
+    fn is_before_all(&self, found_m: f64, uv: &Point2<f64>, config: &Config) -> bool {
+        let floor_m = self.floor_m(&self.camera.back_project(uv, 1.0).coords);
+        found_m < self.before_bodies_m && found_m < nearer_than_m(floor_m, config)
     }
 
     /// Depths of the full image, row by row.
@@ -179,6 +189,11 @@ pub(super) fn threshold_m(depth_m: f64, config: &Config) -> f64 {
     BACKGROUND_MARGIN_M + BACKGROUND_SD * config.depth_sd_m(depth_m)
 }
 
+/// Depth before which a pixel shows an object in front of the background at `depth_m`, in metres.
+pub(super) fn nearer_than_m(depth_m: f64, config: &Config) -> f64 {
+    if depth_m.is_finite() { depth_m - threshold_m(depth_m, config) } else { f64::INFINITY }
+}
+
 /// Distance beside an edge of the arm within which a pixel may show the arm, in pixels: the width of edges,
 /// and one pixel for the error of the arm's position.
 pub(super) fn bleeding_px(config: &Config) -> u32 {
@@ -226,7 +241,9 @@ impl<'a> Search<'a> {
         let Self { frame, part, expected, config, .. } = self;
         let (wide, high) = (part.width as usize, part.height as usize);
         let rows = frame.depth_m[self.start_of_row(0)..].chunks(frame.window.width as usize).take(high);
-        let near = rows.flat_map(|row| &row[..wide]).filter(|found_m| expected.is_near(f64::from(**found_m), config));
+        let before_m = self.background.before_bodies_m;
+        let costs_rays = |found_m: f64| found_m >= before_m && expected.is_near(found_m, config);
+        let near = rows.flat_map(|row| &row[..wide]).filter(|found_m| costs_rays(f64::from(**found_m)));
         self.background.draw(part, || RAYS_OF_PIXEL * near.count(), buffer);
         let first = labels.len();
         labels.resize(first + wide * high, Label::Unknown);
@@ -303,17 +320,21 @@ impl<'a> Search<'a> {
         if ray_C.dot(&centre_C.coords).powi(2) < ray_C.norm_squared() * grazing_m2 {
             return Label::Unknown;
         }
+        let is_object = is_measured(found_m) && self.expected.is_near(found_m, config);
+        if is_object && background.is_before_all(found_m, &uv, config) {
+            return Label::Object;
+        }
         let nearest_m = background.nearest_m(&uv);
         // Too close to tell apart, or in front of where the object is.
         let is_hidden = nearest_m.is_finite() && nearest_m - radius_m - threshold_m(nearest_m, config) < centre_C.z;
-        let is_behind = nearest_m.is_finite() && found_m > nearest_m - threshold_m(nearest_m, config);
+        let is_behind = found_m > nearer_than_m(nearest_m, config);
         match is_measured(found_m) {
             false if nearest_m.is_infinite() => Label::Elsewhere,
             false if is_hidden || config.misses_depths() => Label::Unknown,
             false => Label::Elsewhere,
             true if is_behind && is_hidden => Label::Unknown,
             true if is_behind => Label::Elsewhere,
-            true if self.expected.is_near(found_m, config) => Label::Object,
+            true if is_object => Label::Object,
             true => Label::Unknown,
         }
     }
