@@ -205,10 +205,7 @@ impl Robot {
     /// The direction of unit length in which joints can move at `q` without the gripper, in which that joint
     /// moves most that can; `None` without redundancy.
     pub fn self_motion(&self, q: &JointVector) -> Option<JointVector> {
-        if self.dof() <= 6 {
-            return None;
-        }
-        NullSpace::at(self, q)?.directions().first()?.try_normalize(1e-6)
+        if self.dof() <= 6 { None } else { NullSpace::at(self, q)?.directions().first()?.try_normalize(1e-6) }
     }
 }
 

@@ -10,7 +10,7 @@
 use nalgebra::{Point3, Rotation3, Unit, Vector3};
 
 use super::{
-    Ranges, Solutions, TOLERANCE,
+    Ranges, TOLERANCE,
     angles::{Sinusoid, angle, meeting_point, turned_into},
 };
 use crate::{
@@ -72,8 +72,8 @@ impl ParallelAxesArm {
 
     /// All joint positions within `ranges` that put the gripper at `X_WG`, of those that differ by whole
     /// turns the nearest to `from`.
-    pub fn solutions(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Solutions {
-        let mut solutions = Solutions::default();
+    pub fn solutions(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<JointVector> {
+        let mut solutions = Vec::new();
         let to_wrist = X_WG * self.p_GW - self.base;
         // Rotation of the gripper from its orientation at zero.
         let R_turn = X_WG.rotation.to_rotation_matrix() * self.R_WG.inverse();
