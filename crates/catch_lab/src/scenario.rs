@@ -166,7 +166,7 @@ impl Scenario {
             let value = InputError::toml_table(&format!("value = {text}")).ok();
             let value = value.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.trim().into());
             let mut tree = toml::Table::try_from(&self).map_err(|it| fault(it.to_string()))?;
-            let hint = hint(path, &tree);
+            let hint = did_you_mean(field_meant(path.trim(), &tree).as_deref());
             add_optional_tables(path, &mut tree);
             let (table, field) = parent(path, &mut tree, &hint, &fault)?;
             table.insert(field.to_owned(), value);
@@ -257,11 +257,6 @@ fn parent<'a, 'b>(
         table = next.ok_or_else(|| fault(format!("a table instead of `{parent}`: one of {known}{hint}")))?;
     }
     Ok((table, field.trim()))
-}
-
-/// Addition to an error about a path, where another one is probably meant.
-fn hint(path: &str, tree: &toml::Table) -> String {
-    did_you_mean(field_meant(path.trim(), tree).as_deref())
 }
 
 /// The field that is probably meant by the path of one that there is not: spelt alike, or of the same name
