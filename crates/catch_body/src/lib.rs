@@ -40,6 +40,7 @@ pub mod quantity;
 pub mod ray_cast;
 pub mod robot;
 pub mod robot_file;
+pub mod scanned_surface;
 pub mod shape;
 pub mod stated;
 pub mod statistics;
