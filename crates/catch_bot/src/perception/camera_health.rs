@@ -16,7 +16,7 @@ use super::{
     arm_edges::{ArmEdges, Sight},
     camera_offsets::{self, CameraOffset},
     segmentation::{Surroundings, is_full},
-    silhouette_shift::{DISPLACED_M, SIGNIFICANT, Shift, ShiftHistory},
+    silhouette_shift::{DISPLACED_M, Mean, SIGNIFICANT, ShiftHistory},
 };
 
 /// Status of a camera.
@@ -239,8 +239,8 @@ impl CameraHealth {
         if !blinded && sight.explained.is_some() {
             record.misplaced.update(misplaced);
         }
-        if let Some(shift) = Shift::of(&sight).filter(|_| !blinded && !misplaced && !record.frozen.holds) {
-            record.shift.add(shift, camera, edges.mean_depth_m, config);
+        if let Some(shift) = Mean::of(&sight).filter(|_| !blinded && !misplaced && !record.frozen.holds) {
+            record.shift.add(&shift, camera, edges.mean_depth_m, config);
         }
     }
 
@@ -308,10 +308,6 @@ fn is_empty(frame: &DepthFrame) -> bool {
 /// Returns whether nearly all pixels have the same depth.
 fn is_uniform(frame: &DepthFrame) -> bool {
     let Some(first) = spread(frame).find(|depth_m| depth_m.is_finite() && *depth_m > 0.0) else { return false };
-    let (mut count, mut alike) = (0, 0);
-    for depth_m in spread(frame) {
-        count += 1;
-        alike += usize::from(depth_m == first);
-    }
-    10 * alike > 9 * count
+    let alike = spread(frame).filter(|depth_m| *depth_m == first).count();
+    10 * alike > 9 * spread(frame).count()
 }

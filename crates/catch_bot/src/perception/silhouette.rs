@@ -247,11 +247,11 @@ impl Silhouette {
         let mut neighbour: Option<SilhouetteRay> = None;
         self.edges.iter_mut().for_each(|it| it.reset(SILHOUETTE_SD_PX));
         for ray in &mut self.rays {
-            if view.is_elsewhere(&ray.p_WC) {
+            if view.look_from(&ray.p_WC) {
                 neighbour = None;
             }
-            view.look_from(&ray.p_WC);
-            ray.along_m = view.passing_m(&ray.direction_W);
+            // Where it passes the object's centre.
+            ray.along_m = -view.p_OC.coords.dot(&(view.R_OW * ray.direction_W));
             ray.note(0.0, &self.edges);
             ray.find(reference, &view, neighbour.as_ref());
             ray.note(0.0, &self.edges);
@@ -326,7 +326,7 @@ impl Silhouette {
     /// that cost is least.
     pub(super) fn sum(&mut self, scale: f64) -> Sums {
         let Self { rays, edges, near, .. } = self;
-        let mut sums = Sums::ZERO;
+        let mut sums = Sums::default();
         for of_image in near.chunk_by(|a, b| rays[*a as usize].image == rays[*b as usize].image) {
             let image = rays[of_image[0] as usize].image;
             let growth_sd_px = edges[image].sd_px();
