@@ -72,11 +72,8 @@ pub(super) fn fit(
     let (inertia, forces) = (inertia_per_kg(symmetry), start.forces);
     let problem = Problem { poses, newest_s, symmetry, inertia, forces, freedom, config };
     let (state, scale, agreeing) = problem.minimized(State::of(start, newest_s, config), scratch)?;
-    let flight = if problem.turns() {
-        problem.flight::<N>(&state, scale, scratch)
-    } else {
-        problem.flight::<TURN>(&state, scale, scratch)
-    };
+    let describe = if problem.turns() { Problem::flight::<N> } else { Problem::flight::<TURN> };
+    let flight = describe(&problem, &state, scale, scratch);
     Ok((flight.ok_or(PredictionStatus::NotConverged)?, agreeing))
 }
 
@@ -222,10 +219,7 @@ impl Problem<'_> {
         squares.clear();
         squares.extend(rows.iter().map(|row| row.square / self.freedom));
         let middle = good.min(squares.len()) / 2;
-        if squares.is_empty() {
-            return 1.0;
-        }
-        squares.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt()
+        if squares.is_empty() { 1.0 } else { squares.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt() }
     }
 
     /// The flight of a fitted state, with its covariance and the scale of the errors. Errors that poses have
