@@ -123,18 +123,13 @@ impl Config {
         }
     }
 
-    /// Returns whether the fingers are slow.
-    pub fn is_slow(&self, gripper: &Gripper) -> bool {
-        self.closing(gripper).duration_s(2.0 * self.finger_margin_m) > SLOW_CLOSING_S
-    }
-
     /// Margin at which slow fingers wait on each side of an object whose position along the direction of
     /// closing has this standard deviation, in metres; `None` for fingers that are fast, or cannot wait
     /// anywhere.
     pub fn pre_closing_margin_m(&self, gripper: &Gripper, sd_m: impl FnOnce() -> f64) -> Option<f64> {
+        let is_slow = self.closing(gripper).duration_s(2.0 * self.finger_margin_m) > SLOW_CLOSING_S;
         let can_wait = gripper.drive.control != DriveControl::TwoState;
-        (self.is_slow(gripper) && can_wait)
-            .then(|| (PRE_CLOSING_SD * sd_m()).max(self.approach_margin_m).min(self.finger_margin_m))
+        (is_slow && can_wait).then(|| (PRE_CLOSING_SD * sd_m()).max(self.approach_margin_m).min(self.finger_margin_m))
     }
 
     /// The coefficient of restitution that is expected.
