@@ -22,6 +22,7 @@
 //! ```
 
 pub mod clearance;
+pub mod darboux;
 pub mod distance_field;
 pub mod document;
 pub mod dynamics;
@@ -34,6 +35,7 @@ pub mod kinematics;
 pub mod mesh;
 pub mod mesh_file;
 pub mod neighbours;
+pub mod normal_distribution;
 pub mod pose;
 pub mod quadratic_program;
 pub mod quantity;

@@ -5,14 +5,16 @@
 //! information. Each such ray is a one-sided bound on the pose, and hundreds of them leave little room: far
 //! less than if each told the silhouette's place to within a pixel by itself.
 
-use catch_body::Pose;
+use catch_body::{
+    Pose,
+    normal_distribution::{bound_cost, inverse_mills},
+};
 use catch_cell::{CameraModel, PixelWindow};
 use nalgebra::{Point3, Vector3};
 
 use super::{
     ReferenceModel, Symmetry,
     edge_growth::EdgeGrowth,
-    normal_distribution::{bound_cost, inverse_mills},
     normal_equations::{CommonError, OUTLIER_SD, Sums},
     reference::MODEL_SD_M,
     segmentation::Label,
