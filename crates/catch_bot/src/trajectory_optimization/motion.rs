@@ -267,21 +267,13 @@ impl MotionPlanner {
         self.clearance.least(&self.robot.link_poses(q), self.gripper.max_width_m) >= self.config.clearance_m
     }
 
-    /// Returns whether the arm and the object in its hand keep clear of the arm and of the floor all along a
-    /// motion.
-    pub(super) fn keeps_clear_with(&self, trajectory: &BSpline, grasp: Option<&Grasp>) -> bool {
-        let span_s = [trajectory.start_s(), trajectory.end_s()];
-        let held = grasp.map(|grasp| &grasp.held_G);
-        self.keeps_clear(trajectory, span_s, grasp.map_or(self.gripper.max_width_m, |it| it.object_width_m), held)
-    }
-
     /// Returns whether the arm and the object in its hand keep clear from one time until another, the gripper
     /// `width_m` open.
     ///
     /// At the sampled times, `clearance_m` is kept, and half of it between them: no two parts approach each
     /// other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being the largest extent of the arm and the held object beyond joint
     /// i. A clearance d stays above zero for a time of d over that speed.
-    fn keeps_clear(
+    pub(super) fn keeps_clear(
         &self,
         trajectory: &BSpline,
         [start_s, end_s]: [f64; 2],
