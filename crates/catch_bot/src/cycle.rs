@@ -5,7 +5,7 @@ mod explained;
 
 use catch_body::JointVector;
 use catch_cell::{
-    ArmTrajectory, Brain, Command, GraspState, GripperMove, GripperState, Observation, PixelWindow, Probe, TrajectoryId,
+    ArmTrajectory, Brain, Command, GraspState, GripperMove, GripperState, Observation, PixelWindow, Probe,
 };
 use nalgebra::Point3;
 
@@ -75,14 +75,6 @@ struct Candidate {
     rests: bool,
 }
 
-/// A motion from rest to rest.
-#[derive(Debug, Clone, Copy)]
-struct Motion {
-    id: TrajectoryId,
-    start_s: f64,
-    end_s: f64,
-}
-
 /// Brains of several objects, one for each, in one life.
 pub struct CatchingCycle {
     /// Placing posture: joint positions in radians, in which the gripper opens.
@@ -94,7 +86,8 @@ pub struct CatchingCycle {
     /// Start of the present phase, or, while an object is put down, the time since which the gripper has been
     /// open.
     since_s: f64,
-    motion: Option<Motion>,
+    /// The motion from rest to rest that was sent last.
+    motion: Option<ArmTrajectory>,
     /// Motions of the present phase that were sent.
     sent: usize,
     has_released: bool,
@@ -243,11 +236,12 @@ impl CatchingCycle {
     /// Towards `to`, and whether the arm is there. A motion that was rejected or lost is sent anew.
     fn go(&mut self, observation: &Observation, to: JointVector, held: Option<&Grasp>) -> Progress {
         let (now_s, arm) = (observation.time_s, &observation.arm);
-        if let Some(motion) = self.motion {
+        if let Some(motion) = &self.motion {
             let is_lost = arm.rejected.iter().any(|it| it.id == motion.id)
-                || (arm.executing != Some(motion.id) && now_s > motion.start_s + MAX_OVERDUE_S);
+                || (arm.executing != Some(motion.id) && now_s > motion.start_s() + MAX_OVERDUE_S);
             if !is_lost {
-                return if now_s > motion.end_s { Progress::Arrived } else { Progress::Going(Command::default()) };
+                let is_over = now_s > motion.spline.end_s();
+                return if is_over { Progress::Arrived } else { Progress::Going(Command::default()) };
             }
         }
         let bot = &mut self.candidates[self.active].bot;
@@ -262,9 +256,9 @@ impl CatchingCycle {
         let mut ways = vias.iter().filter_map(|via| planner.rest_to_rest(start_s, &from, via.as_ref(), &to, held));
         let Some(spline) = ways.next().filter(|_| self.sent < MAX_SENT) else { return Progress::NoWay };
         self.sent += 1;
-        let id = bot.controller.next_id();
-        self.motion = Some(Motion { id, start_s, end_s: spline.end_s() });
-        Progress::Going(Command { arm: Some(ArmTrajectory { id, spline }), ..Command::default() })
+        let trajectory = ArmTrajectory { id: bot.controller.next_id(), spline };
+        self.motion = Some(trajectory.clone());
+        Progress::Going(Command { arm: Some(trajectory), ..Command::default() })
     }
 }
 

@@ -198,8 +198,7 @@ impl CatchingBot {
         self.report.flight.clone_from(&tracker.tracks.object.flight);
         (self.report.status, self.report.pose, self.report.closing) = (status, pose, controller.closing);
         self.report.plan = controller.plan().cloned();
-        self.report.cameras.clear();
-        self.report.cameras.extend_from_slice(&self.tracker.health.statuses);
+        self.report.cameras.clone_from(&tracker.health.statuses);
         let (prediction, planning) = (self.predictor.numerical_failures(), self.planner.numerical_failures());
         self.report.numerical_failures = NumericalFailures { prediction, planning };
         command

@@ -71,14 +71,14 @@ pub struct CameraHealth {
 }
 
 /// Memory of one camera.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 struct Record {
     /// Capture time of its newest image.
     newest_s: Option<f64>,
     /// Sets of full images since then that it had no part in.
     missed: usize,
     /// Depths of its newest full image, at the same pixels in each.
-    depths_m: [f32; SAMPLES],
+    depths_m: Vec<f32>,
     frozen: Verdict,
     blinded: Verdict,
     swapped: Verdict,
@@ -125,23 +125,12 @@ const SILENT_SETS: usize = 10;
 impl CameraHealth {
     /// Prepares the check for an arm that will be waiting where `surroundings` say.
     pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
-        let record = Record {
-            newest_s: None,
-            missed: 0,
-            depths_m: [f32::NAN; SAMPLES],
-            frozen: Verdict::default(),
-            blinded: Verdict::default(),
-            swapped: Verdict::default(),
-            misplaced: Verdict::default(),
-            shift: ShiftHistory::default(),
-            is_off: false,
-        };
         let uncalibrated: Vec<bool> =
             (0..cameras.len()).map(|camera| config.uncalibrated_cameras.contains(&camera)).collect();
         let mut health = Self {
             waiting: (surroundings.X_WL, surroundings.width_m),
             edges: cameras.iter().map(|camera| ArmEdges::new(camera, surroundings, config)).collect(),
-            records: vec![record; cameras.len()],
+            records: vec![Record::default(); cameras.len()],
             offsets: vec![CameraOffset::default(); cameras.len()],
             statuses: vec![CameraStatus::Good; cameras.len()],
             left_out: uncalibrated.clone(),
@@ -208,6 +197,7 @@ impl CameraHealth {
     fn judge_repetition(&mut self, frame: &DepthFrame, config: &Config) {
         let (edges, record) = (&self.edges[frame.camera], &mut self.records[frame.camera]);
         let (mut measured, mut repeated) = (0, true);
+        record.depths_m.resize(SAMPLES, f32::NAN);
         for (pixel, before_m) in edges.samples(SAMPLES).zip(&mut record.depths_m) {
             let depth_m = frame.depth_m[pixel];
             repeated &= depth_m.to_bits() == before_m.to_bits() || depth_m.is_nan() && before_m.is_nan();

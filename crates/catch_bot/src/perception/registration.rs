@@ -80,6 +80,7 @@ struct Scales {
 }
 
 /// Progress of a registration.
+#[derive(Default)]
 struct Pace {
     iterations: usize,
     /// True if the steps have come to rest.
@@ -95,16 +96,6 @@ struct Pace {
 }
 
 impl Pace {
-    const NEW: Self = Self {
-        iterations: 0,
-        at_rest: false,
-        moved_m: 0.0,
-        step: Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        step_sd: f64::INFINITY,
-        damping: 1.0,
-        tolerance_sd: STEP_TOLERANCE_SD,
-    };
-
     /// The part of a step that is taken: all of it, unless the steps jump to and fro.
     fn damped(&mut self, step: &Vector6<f64>, information: &Matrix6<f64>) -> Vector6<f64> {
         let step_sd = step.dot(&(information * step)).max(0.0).sqrt();
@@ -252,7 +243,8 @@ impl<'a> Registration<'a> {
             Scales { points: typical(&on_points), silhouette: silhouette.typical_violation(f64::INFINITY).max(1.0) };
         silhouette.choose(0.0, scales.silhouette);
         let mut summed = Summed::default();
-        let mut pace = Pace::NEW;
+        let (step_sd, damping, tolerance_sd) = (f64::INFINITY, 1.0, STEP_TOLERANCE_SD);
+        let mut pace = Pace { step_sd, damping, tolerance_sd, ..Pace::default() };
         while pace.iterations < max_iterations && !pace.at_rest {
             if pace.iterations > 0 {
                 self.measure(&mut depths, &X_WO);

@@ -23,7 +23,7 @@ use super::{
 };
 
 /// The ray through a pixel at the object's silhouette.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SilhouetteRay {
     /// Origin of the ray: the camera.
     pub p_WC: Point3<f64>,
@@ -78,21 +78,8 @@ const LEAST_STEP_M: f64 = 5e-4;
 impl SilhouetteRay {
     /// A ray that has not been near an object.
     pub fn new(p_WC: Point3<f64>, direction_W: Vector3<f64>, inside: bool, pixel_rad: f64, image: usize) -> Self {
-        Self {
-            p_WC,
-            direction_W,
-            inside,
-            pixel_rad,
-            image,
-            along_m: 0.0,
-            bend_per_m: 20.0,
-            distance_m: 0.0,
-            p_O: Point3::origin(),
-            n_O: Vector3::zeros(),
-            direction_O: Vector3::zeros(),
-            sd_m: 1.0,
-            seen_after_m: 0.0,
-        }
+        let (bend_per_m, sd_m) = (20.0, 1.0);
+        Self { p_WC, direction_W, inside, pixel_rad, image, bend_per_m, sd_m, ..Self::default() }
     }
 
     /// Violation of the bound in metres, where the object has grown as `edges` say; negative if it is kept.

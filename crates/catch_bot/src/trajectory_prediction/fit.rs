@@ -168,14 +168,10 @@ impl Problem<'_> {
             let mut row = Row {
                 age_s: self.newest_s - pose.capture_s,
                 p_W: X_WO.translation.vector,
-                turn: Vector3::zeros(),
                 shift: X_WO.translation.vector - motion.p - pushed_m,
-                by_rotation: SMatrix::zeros(),
                 by_motion: motion.dp,
-                turns: Matrix3::zeros(),
-                mixed: Matrix3::zeros(),
                 shifts: pose.information.fixed_view::<3, 3>(3, 3).into_owned(),
-                square: 0.0,
+                ..Row::default()
             };
             if turns {
                 row.turn = self.symmetry.turn_between(&tumbling.R_WO, &X_WO.rotation);
