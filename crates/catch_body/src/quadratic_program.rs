@@ -216,8 +216,8 @@ impl ActiveSet<'_> {
         }
     }
 
-    /// Step direction along which a constraint becomes active: its normal d in the columns of J, the direction
-    /// z in x that keeps the active constraints, aᵀz, and the change r of their multipliers.
+    /// Step direction along which a constraint becomes active: its normal d in the columns of J, the
+    /// direction z in x that keeps the active constraints, aᵀz, and the change r of their multipliers.
     fn direction(&self, row: &Row, sign: f64) -> (Variables, Variables, f64, Variables) {
         let mut d = Variables::zeros();
         for column in 0..MAX_VARIABLES {

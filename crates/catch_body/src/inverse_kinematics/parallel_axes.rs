@@ -135,10 +135,6 @@ mod tests {
     };
     use proptest::prelude::*;
 
-    fn limits(robot: &Robot) -> Ranges {
-        std::array::from_fn(|i| robot.joints.get(i).map_or([0.0; 2], |it| [it.limits.lower, it.limits.upper]))
-    }
-
     #[test]
     fn the_kind_is_recognized_by_its_geometry() {
         assert!(ParallelAxesArm::of(&ur10e()).is_some() && ParallelAxesArm::of(&iiwa()).is_none());
@@ -171,15 +167,15 @@ mod tests {
             let [q, start] = [q, start].map(|it| robot.joint_vector(&it).unwrap());
             prop_assume!(libm::sin(q[2]).abs() > 0.02 && libm::sin(q[4]).abs() > 0.02);
             let X_WG = robot.gripper_pose(&q);
-            let solutions = arm.solutions(&X_WG, &q, &limits(&robot));
+            let solutions = arm.solutions(&X_WG, &q, &robot.joint_ranges());
             for found in solutions.iter() {
                 let reached = robot.gripper_pose(found);
                 prop_assert!((reached.translation.vector - X_WG.translation.vector).norm() < 1e-8);
                 prop_assert!(reached.rotation.angle_to(&X_WG.rotation) < 1e-8);
             }
             prop_assert!(solutions.iter().any(|found| (found - q).amax() < 1e-6), "{q}");
-            if let Some(iterated) = robot.nearby_solution(&X_WG, &start, &limits(&robot)) {
-                let near = arm.solutions(&X_WG, &iterated, &limits(&robot));
+            if let Some(iterated) = robot.nearby_solution(&X_WG, &start, &robot.joint_ranges()) {
+                let near = arm.solutions(&X_WG, &iterated, &robot.joint_ranges());
                 prop_assert!(near.iter().any(|found| (found - iterated).amax() < 1e-4), "{iterated}");
             }
         }

@@ -92,9 +92,9 @@ impl DepthPlane {
     }
 }
 
-/// Regression of the depths of the side of the reference that faces a camera far away, whose axes in O are the
-/// columns of `R_OC`, as its pixels would have it: mean depth beyond the origin of O, and slopes of the depths
-/// across the image.
+/// Regression of the depths of the side of the reference that faces a camera far away, whose axes in O are
+/// the columns of `R_OC`, as its pixels would have it: mean depth beyond the origin of O, and slopes of the
+/// depths across the image.
 fn facing(reference: &ReferenceModel, R_OC: &Matrix3<f64>, blur_m2: f64) -> (f64, Vector2<f64>) {
     let stride = stride(reference.points.len(), FACING_POINTS);
     let along_O = R_OC.column(2);

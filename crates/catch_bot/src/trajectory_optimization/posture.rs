@@ -126,11 +126,8 @@ impl PostureFinder {
                 each.into_iter().min_by(|a, b| far(a).total_cmp(&far(b)))
             }
             _ => {
-                let ranges = std::array::from_fn(|i| {
-                    robot.joints.get(i).map_or([0.0; 2], |joint| [joint.limits.lower, joint.limits.upper])
-                });
                 let along = if by == 0.0 { JointVector::zeros() } else { robot.self_motion(&known.q)? };
-                let q = robot.nearby_solution(X_WG, &(known.q + along * by), &ranges)?;
+                let q = robot.nearby_solution(X_WG, &(known.q + along * by), &robot.joint_ranges())?;
                 Some(Posture { q, elbow: None })
             }
         }

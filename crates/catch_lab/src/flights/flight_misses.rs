@@ -39,8 +39,8 @@ impl Throw {
     }
 }
 
-/// Seconds of a throw that are left when its end is predicted, for each error that is reported; `None` is half
-/// of its time.
+/// Seconds of a throw that are left when its end is predicted, for each error that is reported; `None` is
+/// half of its time.
 pub const LEFT_S: [Option<f64>; 4] = [None, Some(0.3), Some(0.2), Some(0.1)];
 
 /// A predicted end against the recorded one.

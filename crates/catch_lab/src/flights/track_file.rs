@@ -121,8 +121,8 @@ const FARTHEST: f64 = 1e100;
 const EXPECTED: &str =
     "t,x,y,z or t,x,y,z,qx,qy,qz,qw with commas between, in another order below a header with these names";
 
-/// The columns of the time, the position and the quaternion x, y, z, w that a header names: each is one that is
-/// read, under a name that others give it.
+/// The columns of the time, the position and the quaternion x, y, z, w that a header names: each is one that
+/// is read, under a name that others give it.
 fn named_columns(file: &str, line: usize, header: &[&str]) -> Result<Vec<usize>, InputError> {
     let document = Document::from_columns(file, line, header)?;
     let found: Option<Vec<usize>> = PLACES.iter().map(|it| document.column(it)).collect();
