@@ -230,15 +230,15 @@ impl MotionPlanner {
     /// limits: at knots and thrice between them.
     fn keeps_sampled_speeds(&self, spline: &BSpline) -> bool {
         let tables = || self.robot.joints.iter().enumerate().filter(|(_, joint)| joint.velocity_table.is_some());
-        (tables().next().is_none() && self.robot.max_hand_speed_mps.is_none())
-            || spline.spans().flat_map(|[from_s, to_s]| SPAN_SAMPLES.map(|by| from_s + by * (to_s - from_s))).all(
-                |time_s| {
-                    let [q, dq, _] = spline.evaluate(time_s);
-                    let most = self.config.velocity_scaling;
-                    tables().all(|(i, joint)| dq[i].abs() <= most * joint.max_speed(q[i], dq[i]))
-                        && self.hand_speed_left(&q, &dq) >= 1.0 - ROUNDING
-                },
-            )
+        let keeps = |time_s: f64| {
+            let [q, dq, _] = spline.evaluate(time_s);
+            let most = self.config.velocity_scaling;
+            tables().all(|(i, joint)| dq[i].abs() <= most * joint.max_speed(q[i], dq[i]))
+                && self.hand_speed_left(&q, &dq) >= 1.0 - ROUNDING
+        };
+        let mut times_s =
+            spline.spans().flat_map(|[from_s, to_s]| SPAN_SAMPLES.map(|by| from_s + by * (to_s - from_s)));
+        (tables().next().is_none() && self.robot.max_hand_speed_mps.is_none()) || times_s.all(keeps)
     }
 
     /// Factor by which the hand may be faster than at these velocities, with some room for the times between

@@ -110,9 +110,8 @@ impl PointToPoint<'_> {
     fn speeds_that_withstand_impact(&self) -> [Interval; MAX_JOINTS] {
         let robot = &self.planner.robot;
         let mut added = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
-        let mass_kg = self.planner.config.object_mass_kg;
-        if let Some((mass_kg, inertia)) =
-            mass_kg.and_then(|it| Some((it, self.failures.factor(robot.mass_matrix(&self.q).cholesky())?)))
+        if let Some(mass_kg) = self.planner.config.object_mass_kg
+            && let Some(inertia) = self.failures.factor(robot.mass_matrix(&self.q).cholesky())
         {
             let (angular, linear) = (self.jacobian.fixed_rows::<3>(0), self.jacobian.fixed_rows::<3>(3));
             for side in [-0.5, 0.5] {
