@@ -168,7 +168,7 @@ mod tests {
             prop_assume!(libm::sin(q[2]).abs() > 0.02 && libm::sin(q[4]).abs() > 0.02);
             let X_WG = robot.gripper_pose(&q);
             let solutions = arm.solutions(&X_WG, &q, &robot.joint_ranges());
-            for found in solutions.iter() {
+            for found in &solutions {
                 let reached = robot.gripper_pose(found);
                 prop_assert!((reached.translation.vector - X_WG.translation.vector).norm() < 1e-8);
                 prop_assert!(reached.rotation.angle_to(&X_WG.rotation) < 1e-8);
