@@ -58,10 +58,7 @@ impl ArmClearance {
         let near_held = (0..parts.len()).filter(|&i| parts[i].link < robot.dof()).collect();
 
         let middle = Point3::new(0.0, f64::midpoint(-gripper.palm_y_m(), gripper.fingertip_y_m()), 0.0);
-        let reach = |cuboid: &Cuboid| {
-            let corner = (cuboid.centre - middle).abs() + cuboid.size / 2.0;
-            corner.norm()
-        };
+        let reach = |cuboid: &Cuboid| ((cuboid.centre - middle).abs() + cuboid.size / 2.0).norm();
         let [left, right] = gripper.fingers(gripper.max_width_m);
         let gripper_ball = (middle, [gripper.body(), left, right].iter().map(reach).fold(0.0, f64::max));
         let (X_LG, gripper, obstacles) = (robot.X_LG, gripper.clone(), robot.obstacles.clone());

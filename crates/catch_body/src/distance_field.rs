@@ -4,7 +4,7 @@
 //! the direction of that distance. A grid answers with its eight nearest nodes, without searching for
 //! neighbours.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::neighbours::{PointGrid, bounds};
 
@@ -90,14 +90,25 @@ impl DistanceField {
         self.fine.values.iter().map(|node| -f64::from(node[0])).fold(0.0, f64::max)
     }
 
-    /// Nodes of the fine grid with the fraction of their cell that is inside, and the volume of a cell in m³.
-    pub fn inside(&self) -> (impl Iterator<Item = (Point3<f64>, f64)>, f64) {
+    /// Volume in m³, centre and second moment of the inside per volume, ∫ x·xᵀ dV / V about the centre.
+    pub fn moments(&self) -> (f64, Point3<f64>, Matrix3<f64>) {
         let grid = &self.fine;
-        let cells = grid.values.iter().enumerate().filter_map(|(i, value)| {
-            let fraction = (0.5 - f64::from(value[0]) / grid.spacing_m).clamp(0.0, 1.0);
-            (fraction > 0.0).then(|| (grid.node(i), fraction))
-        });
-        (cells, grid.spacing_m.powi(3))
+        let (mut cells, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
+        for (i, value) in grid.values.iter().enumerate() {
+            // The fraction of a node's cell that is inside.
+            let weight = (0.5 - f64::from(value[0]) / grid.spacing_m).clamp(0.0, 1.0);
+            if weight > 0.0 {
+                let point = grid.node(i);
+                cells += weight;
+                first += point.coords * weight;
+                second += point.coords * point.coords.transpose() * weight;
+            }
+        }
+        if cells <= 0.0 {
+            return (0.0, Point3::origin(), Matrix3::zeros());
+        }
+        let centre = first / cells;
+        (cells * grid.spacing_m.powi(3), Point3::from(centre), second / cells - centre * centre.transpose())
     }
 }
 

@@ -3,6 +3,8 @@
 //! Frame G: the fingers close along x, y is the approach, z is across both. The finger called left is
 //! the one at negative x. `width` is the distance between the inner faces.
 
+mod closing;
+
 use nalgebra::{Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
@@ -14,6 +16,8 @@ use crate::{
     shape::Cuboid,
     visual::{ReadMesh, Visual},
 };
+
+pub use closing::{Closing, Fingers};
 
 /// Geometry, masses and limits of a parallel gripper, as its file gives them.
 #[quantity::checked(deny_unknown_fields)]

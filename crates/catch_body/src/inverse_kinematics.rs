@@ -45,27 +45,6 @@ pub struct SrsArm {
     /// Orientation of the gripper and position of the wrist in its frame.
     R_WG: Rotation3<f64>,
     p_GW: Point3<f64>,
-    lower: JointVector,
-    upper: JointVector,
-}
-
-/// Up to eight joint positions that reach one pose.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Solutions {
-    found: [JointVector; 8],
-    count: usize,
-}
-
-impl Solutions {
-    /// The solutions within the joint limits.
-    pub fn iter(&self) -> impl Iterator<Item = &JointVector> {
-        self.found[..self.count].iter()
-    }
-
-    fn push(&mut self, q: JointVector) {
-        self.found[self.count] = q;
-        self.count += 1;
-    }
 }
 
 /// Possible positions of the elbow for one pose of the gripper: a circle about the line from shoulder to
@@ -127,8 +106,6 @@ impl SrsArm {
             axes,
             R_WG: X_WG.rotation.to_rotation_matrix(),
             p_GW: X_WG.inverse() * wrist,
-            lower: robot.per_joint(|joint| joint.limits.lower),
-            upper: robot.per_joint(|joint| joint.limits.upper),
         })
     }
 
@@ -169,19 +146,8 @@ impl SrsArm {
         })
     }
 
-    /// All joint positions within limits that put the gripper in the circle's pose with the elbow at `swivel`
-    /// radians.
-    pub fn solve(&self, circle: &ElbowCircle, swivel: f64) -> Solutions {
-        let mut solutions = Solutions::default();
-        for q in self.branches(circle, swivel) {
-            if (0..7).all(|i| q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
-                solutions.push(q);
-            }
-        }
-        solutions
-    }
-
-    /// The joint positions of one branch, whether within limits or not.
+    /// The joint positions of one branch that put the gripper in the circle's pose with the elbow at `swivel`
+    /// radians, whether within limits or not.
     pub fn solve_branch(&self, circle: &ElbowCircle, swivel: f64, branch: Branch) -> JointVector {
         let aside = circle.across[0] * libm::cos(swivel) + circle.across[1] * libm::sin(swivel);
         let upper = circle.to_wrist * libm::cos(circle.shoulder_angle) + aside * libm::sin(circle.shoulder_angle);
@@ -197,20 +163,6 @@ impl SrsArm {
         let [q1, q2, q3] = self.euler_angles(&R_03, 0, branch.shoulder);
         let [q5, q6, q7] = self.euler_angles(&R_47, 4, branch.wrist);
         JointVector::from_column_slice(&[q1, q2, q3, q4, q5, q6, q7, 0.0])
-    }
-
-    /// All eight branches.
-    fn branches(&self, circle: &ElbowCircle, swivel: f64) -> [JointVector; 8] {
-        Branch::ALL.map(|branch| self.solve_branch(circle, swivel, branch))
-    }
-
-    /// The swivel at which the elbow stands for `q`, in the circle of the gripper's pose there.
-    pub fn swivel(&self, robot: &Robot, q: &JointVector) -> f64 {
-        let X_WL = robot.link_poses(q);
-        let Some(circle) = self.elbow_circle(&robot.gripper_in(&X_WL)) else { return 0.0 };
-        let upper = X_WL[3].rotation
-            * (robot.link_poses(&JointVector::zeros())[3].rotation.inverse() * self.along.into_inner());
-        libm::atan2(upper.dot(&circle.across[1]), upper.dot(&circle.across[0]))
     }
 
     /// Angles of joints `first`, `first + 1`, `first + 2`, whose product of rotations is `R`; the middle one
@@ -270,7 +222,7 @@ mod tests {
             let q = robot.per_joint(|joint| joint.limits.upper).component_mul(&robot.joint_vector(&unit).unwrap());
             prop_assume!(q[1].abs() > 0.01 && q[3].abs() > 0.01 && q[5].abs() > 0.01);
             let circle = arm.elbow_circle(&robot.gripper_pose(&q)).unwrap();
-            let ranges = std::array::from_fn(|i| [low[i], (low[i] + width[i]).min(3.1)]);
+            let ranges: [_; 7] = std::array::from_fn(|i| [low[i], (low[i] + width[i]).min(3.1)]);
             let arcs = arm.swivels(&circle, &ranges);
             for branch in Branch::ALL {
                 for step in -300..300 {
@@ -334,17 +286,20 @@ mod tests {
             let arm = SrsArm::of(&robot).unwrap();
             let q = robot.per_joint(|joint| joint.limits.upper).component_mul(&robot.joint_vector(&unit).unwrap());
             prop_assume!(q[1].abs() > 0.01 && q[3].abs() > 0.01 && q[5].abs() > 0.01);
-            let X_WG = robot.gripper_pose(&q);
+            let X_WL = robot.link_poses(&q);
+            let X_WG = robot.gripper_in(&X_WL);
             let circle = arm.elbow_circle(&X_WG).unwrap();
-            for swivel in [swivel, arm.swivel(&robot, &q)] {
-                for solution in arm.solve(&circle, swivel).iter() {
-                    let reached = robot.gripper_pose(solution);
-                    prop_assert!((reached.translation.vector - X_WG.translation.vector).norm() < 1e-9);
-                    prop_assert!(reached.rotation.angle_to(&X_WG.rotation) < 1e-7);
-                }
+            // The elbow's own swivel.
+            let at_zero = robot.link_poses(&JointVector::zeros())[3].rotation;
+            let upper = X_WL[3].rotation * (at_zero.inverse() * arm.along.into_inner());
+            let own = libm::atan2(upper.dot(&circle.across[1]), upper.dot(&circle.across[0]));
+            let solutions = |swivel| Branch::ALL.map(|branch| arm.solve_branch(&circle, swivel, branch));
+            for solution in solutions(swivel).into_iter().chain(solutions(own)) {
+                let reached = robot.gripper_pose(&solution);
+                prop_assert!((reached.translation.vector - X_WG.translation.vector).norm() < 1e-9);
+                prop_assert!(reached.rotation.angle_to(&X_WG.rotation) < 1e-7);
             }
-            let own = arm.solve(&circle, arm.swivel(&robot, &q));
-            prop_assert!(own.iter().any(|solution| (solution - q).amax() < 1e-6), "{q} not among {own:?}");
+            prop_assert!(solutions(own).iter().any(|solution| (solution - q).amax() < 1e-6), "{q} not among them");
         }
     }
 }

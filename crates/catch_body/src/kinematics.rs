@@ -16,15 +16,11 @@ impl Robot {
     pub fn link_poses(&self, q: &JointVector) -> LinkPoses {
         let mut X_WL = [self.X_WB; MAX_JOINTS + 1];
         for i in 0..MAX_JOINTS {
-            X_WL[i + 1] = match self.joints.get(i) {
-                Some(joint) => {
-                    let turn = UnitQuaternion::from_axis_angle(&joint.axis, q[i]);
-                    let mut X_WL_next = X_WL[i] * joint.X_PL;
-                    X_WL_next.rotation *= turn;
-                    X_WL_next
-                }
-                None => X_WL[i],
-            };
+            X_WL[i + 1] = X_WL[i];
+            if let Some(joint) = self.joints.get(i) {
+                X_WL[i + 1] *= joint.X_PL;
+                X_WL[i + 1].rotation *= UnitQuaternion::from_axis_angle(&joint.axis, q[i]);
+            }
         }
         X_WL
     }

@@ -22,6 +22,7 @@
 //! ```
 
 pub mod clearance;
+pub mod darboux;
 pub mod distance_field;
 pub mod document;
 pub mod dynamics;
@@ -34,12 +35,14 @@ pub mod kinematics;
 pub mod mesh;
 pub mod mesh_file;
 pub mod neighbours;
+pub mod normal_distribution;
 pub mod pose;
 pub mod quadratic_program;
 pub mod quantity;
 pub mod ray_cast;
 pub mod robot;
 pub mod robot_file;
+pub mod scanned_surface;
 pub mod shape;
 pub mod stated;
 pub mod statistics;

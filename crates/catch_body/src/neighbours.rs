@@ -1,5 +1,7 @@
 //! Neighbour search: the points of a cloud near a position, by a grid of cells over the cloud's bounding box.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{Point3, Vector3};
 
 /// A cloud's points sorted into cubic cells.
@@ -68,6 +70,13 @@ impl PointGrid {
     fn index(&self, [x, y, z]: [usize; 3]) -> usize {
         (z * self.cells[1] + y) * self.cells[0] + x
     }
+}
+
+/// Indices of the points that are the first ones, in the order given, in their cubes of edge `edge_m`.
+pub fn first_in_cubes(points: &[Point3<f64>], edge_m: f64) -> impl Iterator<Item = usize> {
+    let cube = move |i: &usize| <[i64; 3]>::from(points[*i].coords.map(|value| (value / edge_m).floor() as i64));
+    let mut known = BTreeSet::new();
+    (0..points.len()).filter(move |i| known.insert(cube(i)))
 }
 
 /// Lowest and highest coordinates of a cloud; the origin twice if it is empty.

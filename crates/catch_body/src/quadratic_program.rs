@@ -152,17 +152,6 @@ struct ActiveSet<'a> {
     count: usize,
 }
 
-/// Step direction along which a constraint becomes active.
-struct Direction {
-    /// Normal of the constraint in the columns of J.
-    d: Variables,
-    /// Direction in x that keeps the active constraints, and aᵀz.
-    z: Variables,
-    curvature: f64,
-    /// Change of the active constraints' multipliers along the direction.
-    r: Variables,
-}
-
 impl ActiveSet<'_> {
     fn contains(&self, index: usize) -> bool {
         self.indices[..self.count].contains(&index)
@@ -196,7 +185,7 @@ impl ActiveSet<'_> {
         let row = &self.rows[index];
         let mut multiplier = 0.0;
         loop {
-            let Direction { d, z, curvature, r } = self.direction(row, sign);
+            let (d, z, curvature, r) = self.direction(row, sign);
             let (partial, blocking) = self.longest_step(&r);
             // The step that fulfils the constraint.
             let slack = sign * row.dot(x) - bound;
@@ -227,7 +216,9 @@ impl ActiveSet<'_> {
         }
     }
 
-    fn direction(&self, row: &Row, sign: f64) -> Direction {
+    /// Step direction along which a constraint becomes active: its normal d in the columns of J, the
+    /// direction z in x that keeps the active constraints, aᵀz, and the change r of their multipliers.
+    fn direction(&self, row: &Row, sign: f64) -> (Variables, Variables, f64, Variables) {
         let mut d = Variables::zeros();
         for column in 0..MAX_VARIABLES {
             let column_J = self.J.column(column);
@@ -244,7 +235,7 @@ impl ActiveSet<'_> {
             let sum: f64 = (row + 1..self.count).map(|column| self.R[(row, column)] * r[column]).sum();
             r[row] = (d[row] - sum) / self.R[(row, row)];
         }
-        Direction { d, z, curvature, r }
+        (d, z, curvature, r)
     }
 
     /// The longest step before an inequality's multiplier turns negative, and which does.

@@ -271,10 +271,7 @@ fn serial_chain(files: &RobotFiles, urdf: &Urdf, extra: &RobotFile) -> Result<(S
     };
     let unknown_joint = unknown("joints", extra.joints.keys().collect(), &|joint| joint.name.clone());
     let unknown_link = unknown("links", extra.links.keys().collect(), &|joint| joint.link_name.clone());
-    if let Some(fault) = unknown_joint.or(unknown_link) {
-        return Err(fault);
-    }
-    Ok((base.to_owned(), joints))
+    if let Some(fault) = unknown_joint.or(unknown_link) { Err(fault) } else { Ok((base.to_owned(), joints)) }
 }
 
 /// The positions between which a joint moves: those of the TOML file, else those `of_urdf`.

@@ -5,7 +5,7 @@ mod explained;
 
 use catch_body::JointVector;
 use catch_cell::{
-    ArmTrajectory, Brain, Command, GraspState, GripperMove, GripperState, Observation, PixelWindow, Probe, TrajectoryId,
+    ArmTrajectory, Brain, Command, GraspState, GripperMove, GripperState, Observation, PixelWindow, Probe,
 };
 use nalgebra::Point3;
 
@@ -75,14 +75,6 @@ struct Candidate {
     rests: bool,
 }
 
-/// A motion from rest to rest.
-#[derive(Debug, Clone, Copy)]
-struct Motion {
-    id: TrajectoryId,
-    start_s: f64,
-    end_s: f64,
-}
-
 /// Brains of several objects, one for each, in one life.
 pub struct CatchingCycle {
     /// Placing posture: joint positions in radians, in which the gripper opens.
@@ -94,7 +86,8 @@ pub struct CatchingCycle {
     /// Start of the present phase, or, while an object is put down, the time since which the gripper has been
     /// open.
     since_s: f64,
-    motion: Option<Motion>,
+    /// The motion from rest to rest that was sent last.
+    motion: Option<ArmTrajectory>,
     /// Motions of the present phase that were sent.
     sent: usize,
     has_released: bool,
@@ -155,10 +148,9 @@ impl CatchingCycle {
         }
         // An object whose model cannot be brought to lie on what is seen in some images is not the one.
         let seen = self.candidates.iter().enumerate().filter(|(_, it)| it.images > 0 && it.images + 1 >= most);
-        let best = explained::best(&seen.map(|(i, it)| (i, it.explained))).unwrap_or(self.active);
-        self.active = best;
+        self.active = explained::best(&seen.map(|(i, it)| (i, it.explained))).unwrap_or(self.active);
         self.enter(Phase::Catching, observation.time_s);
-        self.candidates[best].bot.act_on(observation, newest[best], probe)
+        self.candidates[self.active].bot.act_on(observation, newest[self.active], probe)
     }
 
     fn catch(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
@@ -204,8 +196,7 @@ impl CatchingCycle {
             return Command::default();
         }
         let held = self.candidates[self.active].bot.controller.plan().map(|plan| plan.grasp.clone());
-        let to = self.place_q;
-        match self.go(observation, &to, held.as_ref()) {
+        match self.go(observation, self.place_q, held.as_ref()) {
             Progress::Going(command) => command,
             // Where there is no way the object is put down where the arm stands.
             Progress::Arrived | Progress::NoWay => {
@@ -219,8 +210,9 @@ impl CatchingCycle {
         let now_s = observation.time_s;
         let ready_q = self.candidates[self.active].bot.known.search.motion.robot.ready_q;
         let must_open = !std::mem::replace(&mut self.has_released, true);
-        let mut command = match self.go(observation, &ready_q, None) {
-            Progress::Going(command) => command,
+        let mut command = Command::default();
+        match self.go(observation, ready_q, None) {
+            Progress::Going(going) => command = going,
             Progress::Arrived => {
                 let tracker = &self.candidates[self.active].bot.tracker;
                 let offsets = tracker.flight().map_or_else(Vec::new, |flight| tracker.camera_offsets(flight));
@@ -229,17 +221,10 @@ impl CatchingCycle {
                     candidate.forget();
                 }
                 self.enter(Phase::Waiting, now_s);
-                Command::default()
             }
-            Progress::NoWay => {
-                self.enter(Phase::Stranded, now_s);
-                Command::default()
-            }
-        };
-        if must_open {
-            command.gripper = Some(self.opening(now_s));
+            Progress::NoWay => self.enter(Phase::Stranded, now_s),
         }
-        command
+        Command { gripper: must_open.then(|| self.opening(now_s)), ..command }
     }
 
     fn opening(&self, now_s: f64) -> Vec<GripperMove> {
@@ -249,13 +234,14 @@ impl CatchingCycle {
     }
 
     /// Towards `to`, and whether the arm is there. A motion that was rejected or lost is sent anew.
-    fn go(&mut self, observation: &Observation, to: &JointVector, held: Option<&Grasp>) -> Progress {
+    fn go(&mut self, observation: &Observation, to: JointVector, held: Option<&Grasp>) -> Progress {
         let (now_s, arm) = (observation.time_s, &observation.arm);
-        if let Some(motion) = self.motion {
+        if let Some(motion) = &self.motion {
             let is_lost = arm.rejected.iter().any(|it| it.id == motion.id)
-                || (arm.executing != Some(motion.id) && now_s > motion.start_s + MAX_OVERDUE_S);
+                || (arm.executing != Some(motion.id) && now_s > motion.start_s() + MAX_OVERDUE_S);
             if !is_lost {
-                return if now_s > motion.end_s { Progress::Arrived } else { Progress::Going(Command::default()) };
+                let is_over = now_s > motion.spline.end_s();
+                return if is_over { Progress::Arrived } else { Progress::Going(Command::default()) };
             }
         }
         let bot = &mut self.candidates[self.active].bot;
@@ -267,12 +253,12 @@ impl CatchingCycle {
         let start_s = now_s + known.config.control.expected_latency_s;
         // Straight, else by way of a pose that is known to be clear.
         let vias = [None, Some(planner.robot.ready_q), Some(self.place_q)];
-        let mut ways = vias.iter().filter_map(|via| planner.rest_to_rest(start_s, &from, via.as_ref(), to, held));
+        let mut ways = vias.iter().filter_map(|via| planner.rest_to_rest(start_s, &from, via.as_ref(), &to, held));
         let Some(spline) = ways.next().filter(|_| self.sent < MAX_SENT) else { return Progress::NoWay };
         self.sent += 1;
-        let id = bot.controller.next_id();
-        self.motion = Some(Motion { id, start_s, end_s: spline.end_s() });
-        Progress::Going(Command { arm: Some(ArmTrajectory { id, spline }), ..Command::default() })
+        let trajectory = ArmTrajectory { id: bot.controller.next_id(), spline };
+        self.motion = Some(trajectory.clone());
+        Progress::Going(Command { arm: Some(trajectory), ..Command::default() })
     }
 }
 
@@ -310,14 +296,12 @@ impl Candidate {
             let speed_mps = (p_WO - before_W).norm() / span_s;
             span_s < MAX_GAP_S && (MIN_FLIGHT_MPS..MAX_FLIGHT_MPS).contains(&speed_mps)
         });
+        let is_new = before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > MIN_FLIGHT_MPS * MAX_GAP_S);
+        self.rests = !flies && !is_new;
         if !flies {
             (self.images, self.explained) = (0, Explained::default());
             // The pose of a resting object does not help to find it again once it has been thrown.
-            let is_new = before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > MIN_FLIGHT_MPS * MAX_GAP_S);
             self.bot.tracker.keep_newest(usize::from(is_new));
-            self.rests = !is_new;
-        } else {
-            self.rests = false;
         }
         self.images += 1;
         self.explained.add(&pose);

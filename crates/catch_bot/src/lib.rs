@@ -198,8 +198,7 @@ impl CatchingBot {
         self.report.flight.clone_from(&tracker.tracks.object.flight);
         (self.report.status, self.report.pose, self.report.closing) = (status, pose, controller.closing);
         self.report.plan = controller.plan().cloned();
-        self.report.cameras.clear();
-        self.report.cameras.extend_from_slice(&self.tracker.health.statuses);
+        self.report.cameras.clone_from(&tracker.health.statuses);
         let (prediction, planning) = (self.predictor.numerical_failures(), self.planner.numerical_failures());
         self.report.numerical_failures = NumericalFailures { prediction, planning };
         command
@@ -221,28 +220,24 @@ impl CatchingBot {
         self.report = Report::default();
     }
 
-    /// A tick without images: what the last ones showed has been acted on.
-    fn wait_for_images(&mut self, observation: &Observation) -> Command {
-        let status = self.report.status.without_images(self.controller.plan().is_some());
-        let windows = self.tracker.windows(observation, &self.known);
-        self.close_report(status, None, Command { windows, ..Command::default() })
-    }
-
     /// Acts on the poses found so far; `pose` is the newest, if this tick found one.
     fn act_on(&mut self, observation: &Observation, pose: Option<ObjectPose>, probe: &mut dyn Probe) -> Command {
         if self.tracker.tracks.object.poses.is_empty() {
             return self.close_report(Status::NoObject, pose, Command::default());
         }
         if observation.frames.is_empty() {
-            return self.wait_for_images(observation);
+            // What the last images showed has been acted on.
+            let status = self.report.status.without_images(self.controller.plan().is_some());
+            let windows = self.tracker.windows(observation, &self.known);
+            return self.close_report(status, None, Command { windows, ..Command::default() });
         }
 
         // III-B: the flight that the poses agree on.
         let predicted = self.tracker.tracks.predict(&mut *self.predictor, &self.known);
+        let windows = self.tracker.windows(observation, &self.known);
         probe.stage_ended("trajectory_prediction");
         let Track { poses, flight } = &self.tracker.tracks.object;
         let (Ok(()), [first, ..], Some(flight)) = (predicted, &poses[..], flight) else {
-            let windows = self.tracker.windows(observation, &self.known);
             return self.close_report(Status::NoTrajectory, pose, Command { windows, ..Command::default() });
         };
 
@@ -260,8 +255,7 @@ impl CatchingBot {
         probe.stage_ended("trajectory_optimization");
 
         let status = decision.status;
-        let command = self.controller.command(observation, decision, flight);
-        let command = Command { windows: self.tracker.windows(observation, &self.known), ..command };
+        let command = Command { windows, ..self.controller.command(observation, decision, flight) };
         probe.stage_ended("control");
         self.close_report(status, pose, command)
     }

@@ -195,12 +195,11 @@ impl Tracker {
 /// Images by capture time, those of one time by camera. Copies them only where they come in another order.
 fn oldest_first(frames: &[DepthFrame]) -> Cow<'_, [DepthFrame]> {
     let order = |a: &DepthFrame, b: &DepthFrame| a.capture_s.total_cmp(&b.capture_s).then(a.camera.cmp(&b.camera));
-    if frames.is_sorted_by(|a, b| order(a, b).is_le()) {
-        return Cow::Borrowed(frames);
+    let mut sorted = Cow::Borrowed(frames);
+    if !frames.is_sorted_by(|a, b| order(a, b).is_le()) {
+        sorted.to_mut().sort_by(order);
     }
-    let mut sorted = frames.to_vec();
-    sorted.sort_by(order);
-    Cow::Owned(sorted)
+    sorted
 }
 
 /// Number of these images, oldest first, that are registered together: those of one capture time, or all

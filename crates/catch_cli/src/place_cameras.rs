@@ -143,24 +143,24 @@ pub fn run(arguments: &PlaceCamerasArguments, json: bool) -> anyhow::Result<()> 
     };
     let bar = screen::spinner("placing cameras");
     let study = PlacementStudy::new(&setup, &config)?;
-    let placement = study.place(kind)?;
+    let (cameras, candidates) = study.place(kind)?;
     bar.finish_and_clear();
-    let score = study.score(&placement.cameras);
+    let score = study.score(&cameras);
     let mut rigs = vec![("placed", score)];
     if setup.cameras.len() <= MOST_COMPARED {
         rigs.push((&setup.scenario.flight_rig, study.score(&setup.cameras)));
     }
-    let rig: Vec<_> = placement.cameras.iter().map(|camera| (camera.clone(), None)).collect();
+    let rig: Vec<_> = cameras.iter().map(|camera| (camera.clone(), None)).collect();
     let about = format!(
         "Cameras placed for the throw {} of the scenario {}, by what {} throws of seed {} tell until {} s and {} s before the catch.",
         setup.scenario.throw, setup.scenario.name, config.throws, config.seed, DECISION_S, CLOSING_S
     );
-    let views = views(&setup, &study, &placement.cameras, &rigs[0].1);
+    let views = views(&setup, &study, &cameras, &rigs[0].1);
     let page = placement_page::page("Placed cameras", &study.flights, &views);
     let files = [(rig_path.clone(), rig_to_toml(&about, &rig).into_bytes()), (page_path.clone(), page.into_bytes())];
     write_new(&files, "--out")?;
     if !json {
-        tell(&rigs, &placement.cameras)?;
+        tell(&rigs, &cameras)?;
         screen::fact("rig", &rig_path.display().to_string())?;
         return Ok(screen::fact("what is seen", &page_path.display().to_string())?);
     }
@@ -168,7 +168,7 @@ pub fn run(arguments: &PlaceCamerasArguments, json: bool) -> anyhow::Result<()> 
         "scenario": setup.scenario.name,
         "seed": config.seed,
         "throws": config.throws,
-        "candidates": placement.candidates,
+        "candidates": candidates,
         "rig": rig_path.to_string_lossy(),
         "page": page_path.to_string_lossy(),
         "rigs": rigs.iter().map(|(rig, score)| rig_document(rig, score)).collect::<Vec<_>>(),

@@ -106,10 +106,7 @@ pub fn run(arguments: &PlanArguments, json: bool) -> anyhow::Result<()> {
         let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
         rows.push(row(planner, &start, case));
     }
-    if json {
-        return screen::document(&BTreeMap::from([("cases", rows)]));
-    }
-    Ok(print(&rows)?)
+    if json { screen::document(&BTreeMap::from([("cases", rows)])) } else { Ok(print(&rows)?) }
 }
 
 /// A planner that may use all of the limits: nothing is held back for replans here.

@@ -166,10 +166,7 @@ impl Asset {
             return Err(InputError::new(field.0, field.1, format!("the description `{name}`"), expected));
         }
         let looks_like_path = name.contains(['/', '\\']) || name.ends_with(".toml");
-        if looks_like_path || path.is_file() {
-            return Self::on_disk(kind, &path);
-        }
-        Err(unknown(kind, name, field))
+        if looks_like_path || path.is_file() { Self::on_disk(kind, &path) } else { Err(unknown(kind, name, field)) }
     }
 
     /// The built-in asset of this name.

@@ -157,7 +157,8 @@ impl Score {
 fn rate_of_placed(setup: &Setup) -> Option<f64> {
     let config = Config { cameras: setup.cameras.len(), ..Config::default() };
     let study = PlacementStudy::new(setup, &config).ok()?;
-    study.score(&study.place(setup.cameras.first()?).ok()?.cameras).expected_rate
+    let (cameras, _) = study.place(setup.cameras.first()?).ok()?;
+    study.score(&cameras).expected_rate
 }
 
 /// What some cameras know of the throws of a setup.
@@ -166,15 +167,6 @@ fn rate_of_placed(setup: &Setup) -> Option<f64> {
 /// Throws that are over before the catch would be decided.
 pub fn score_of(setup: &Setup, cameras: &[CameraModel]) -> Result<Score, InputError> {
     Ok(PlacementStudy::new(setup, &Config::default())?.score(cameras))
-}
-
-/// Cameras that were placed.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Placement {
-    /// Cameras of the rig.
-    pub cameras: Vec<CameraModel>,
-    /// Places and aims among which they were chosen.
-    pub candidates: usize,
 }
 
 /// One throw at the instants until the catch.
@@ -284,11 +276,12 @@ impl<'a> PlacementStudy<'a> {
         }
     }
 
-    /// The best cameras of a kind among those that may hang on walls and ceiling.
+    /// The best cameras of a kind among those that may hang on walls and ceiling, and among how many places
+    /// and aims they were chosen.
     ///
     /// # Errors
     /// If there is no place that is clear of all flights and shows enough of the arm.
-    pub fn place(&self, kind: &CameraModel) -> Result<Placement, InputError> {
+    pub fn place(&self, kind: &CameraModel) -> Result<(Vec<CameraModel>, usize), InputError> {
         let candidates = self.candidates(kind);
         // Throw by throw at the decision, then at the closing.
         let told = |camera: &CameraModel| {
@@ -344,7 +337,7 @@ impl<'a> PlacementStudy<'a> {
             }
         }
         let cameras = chosen.into_iter().map(|it| candidates[it].clone()).collect();
-        Ok(Placement { cameras, candidates: candidates.len() })
+        Ok((cameras, candidates.len()))
     }
 
     /// Every place on the walls and the ceiling that all flights stay clear of, with every aim that shows
@@ -525,16 +518,17 @@ mod tests {
         let kind = &setup.cameras[0];
         let study = PlacementStudy::new(&setup, &one).unwrap();
         let best = study.place(kind).unwrap();
+        let (cameras, candidates) = &best;
         let mean = |it: &Score| {
             it.flights.iter().map(|it| libm::log(it.decision_sd_m) + libm::log(it.closing_sd_m)).sum::<f64>()
         };
-        let placed = study.score(&best.cameras);
-        assert!(best.candidates > 50 && placed.shown.len() == 1 && placed.shown_by_one == placed.shown[0]);
+        let placed = study.score(cameras);
+        assert!(*candidates > 50 && placed.shown.len() == 1 && placed.shown_by_one == placed.shown[0]);
         for other in study.candidates(kind).iter().step_by(17) {
             assert!(mean(&study.score(std::slice::from_ref(other))) >= mean(&placed) - 1e-9);
         }
         let pair = PlacementStudy::new(&setup, &two).unwrap();
-        let of_pair = pair.score(&pair.place(kind).unwrap().cameras);
+        let of_pair = pair.score(&pair.place(kind).unwrap().0);
         let closing_m = |it: &Score| it.quantile_m(|it| it.closing_sd_m, 0.5);
         assert!(closing_m(&of_pair) < closing_m(&placed));
         assert!(of_pair.shown_by_two <= of_pair.shown_by_one);
@@ -564,7 +558,7 @@ mod tests {
                 Choice { scenario: Some(scenario), throw: Some(throw), settings: &settings, ..Choice::default() };
             let setup = Setup::load(&choice).unwrap();
             let config = Config { cameras: setup.cameras.len(), volume_m, ..Config::default() };
-            let placed = PlacementStudy::new(&setup, &config).unwrap().place(&setup.cameras[0]).unwrap().cameras;
+            let placed = PlacementStudy::new(&setup, &config).unwrap().place(&setup.cameras[0]).unwrap().0;
             for (found, stored) in placed.iter().zip(&setup.cameras) {
                 let apart = found.X_WC.inverse() * stored.X_WC;
                 assert!(apart.translation.vector.norm() < 1e-6 && apart.rotation.angle() < 1e-6, "{rig}");

@@ -69,14 +69,13 @@ pub struct GroundTruth {
 impl Channel for GroundTruth {
     /// Checks that the true states follow each other in time.
     fn check(&self, file: &str) -> Result<(), InputError> {
-        let mut last_s: Option<f64> = None;
-        for (i, sample) in self.truth.samples.iter().enumerate() {
-            if let Some(last_s) = last_s.filter(|last_s| !(0.0..=1.0).contains(&(sample.time_s - last_s))) {
-                let field = format!("ending.ground_truth.truth.samples[{i}].time_s");
+        for (i, pair) in self.truth.samples.windows(2).enumerate() {
+            let [last_s, time_s] = [0, 1].map(|at| pair[at].time_s);
+            if !(0.0..=1.0).contains(&(time_s - last_s)) {
+                let field = format!("ending.ground_truth.truth.samples[{}].time_s", i + 1);
                 let expected = format!("a time within a second after {last_s} s");
-                return Err(InputError::new(file, field, sample.time_s, expected));
+                return Err(InputError::new(file, field, time_s, expected));
             }
-            last_s = Some(sample.time_s);
         }
         Ok(())
     }

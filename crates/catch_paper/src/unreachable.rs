@@ -7,11 +7,7 @@ use catch_body::{
     quadratic_program::{Hessian, MAX_VARIABLES, Row, Square, Variables},
     robot::Jacobian,
 };
-use catch_bot::trajectory_optimization::{
-    MAX_SPEED_FRACTION,
-    posture::{PostureFinder, first_seven},
-    reachability::Interval,
-};
+use catch_bot::trajectory_optimization::{MAX_SPEED_FRACTION, posture::PostureFinder, reachability::Interval};
 use nalgebra::{Point3, SMatrix, Vector3};
 
 use crate::posed::Task;
@@ -26,7 +22,7 @@ impl Task<'_> {
         let Some(circle) = srs.elbow_circle(&self.target.X_WG) else { return true };
         let proof = Proof { task: self, srs, circle };
         let mut pieces = PROOF_PIECES;
-        let arcs = srs.swivels(&circle, &first_seven(&self.ranges()));
+        let arcs = srs.swivels(&circle, &self.ranges());
         arcs.into_iter().all(|(branch, arc)| proof.is_barred(branch, arc, &mut pieces))
     }
 

@@ -10,7 +10,7 @@
 use std::f64::consts::TAU;
 
 use catch_body::quantity;
-use nalgebra::{Matrix3, SymmetricEigen, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::random_streams::Draws;
@@ -69,17 +69,5 @@ impl Aerodynamics {
             magnus: config.max_magnus * draws.unit(),
             spin_decay_per_s: config.max_spin_decay_per_s * draws.unit(),
         }
-    }
-
-    /// Acceleration in addition to a = −k·|u|·u, in m/s². `u_W` is the velocity relative to the air.
-    pub(crate) fn deviation_mps2(
-        &self,
-        drag_per_m: f64,
-        R_WO: &UnitQuaternion<f64>,
-        w_WO: &Vector3<f64>,
-        u_W: &Vector3<f64>,
-    ) -> Vector3<f64> {
-        let across = R_WO * (self.drag_deviation_O * R_WO.inverse_transform_vector(u_W));
-        w_WO.cross(u_W) * self.magnus - across * (drag_per_m * u_W.norm())
     }
 }

@@ -335,11 +335,9 @@ impl Arena {
 
     /// Cameras take their images: those that run freely when it is their time, the others at observations.
     fn look(&mut self, at_observation: bool) {
-        let now_s = self.time_s();
-        if !self.sensors.are_due(now_s, at_observation) {
-            return;
+        if self.sensors.are_due(self.time_s(), at_observation) {
+            self.sensors.expose(&self.renderer, &self.scene(), at_observation);
         }
-        self.sensors.expose(&self.renderer, &self.scene(), at_observation);
     }
 
     /// All that cameras may see now.

@@ -85,7 +85,10 @@ impl Conditions {
     /// The acceleration by the air of an object of this orientation and spatial velocity, in m/s².
     pub fn air_mps2(&self, R_WO: &UnitQuaternion<f64>, V_WO: &Twist) -> Vector3<f64> {
         let v_AO = V_WO.linear - self.wind_mps;
-        self.drag_mps2(&V_WO.linear) + self.aerodynamics.deviation_mps2(self.drag_per_m, R_WO, &V_WO.angular, &v_AO)
+        let Aerodynamics { drag_deviation_O, magnus, .. } = self.aerodynamics;
+        let across = R_WO * (drag_deviation_O * R_WO.inverse_transform_vector(&v_AO));
+        let deviation = V_WO.angular.cross(&v_AO) * magnus - across * (self.drag_per_m * v_AO.norm());
+        self.drag_mps2(&V_WO.linear) + deviation
     }
 
     /// The part of it that brakes alike from all sides: a = −k·|v − w|·(v − w).

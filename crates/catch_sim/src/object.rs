@@ -132,8 +132,7 @@ impl ThrownObject {
             mesh,
             parts,
         };
-        let published = published.map(|it| it.of(&object, file, load)).transpose()?;
-        object.as_published = published.map(Box::new);
+        object.as_published = published.map(|it| it.of(&object, file, load).map(Box::new)).transpose()?;
         Ok(object)
     }
 

@@ -131,12 +131,9 @@ impl Person {
         // There and back.
         let around_m = walked_m.rem_euclid(4.0 * SPAN_M);
         let is_returning = around_m >= 2.0 * SPAN_M;
-        let along_m = if is_returning { 3.0 * SPAN_M - around_m } else { around_m - SPAN_M };
-        let facing = if is_returning {
-            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), TAU / 2.0)
-        } else {
-            UnitQuaternion::identity()
-        };
+        let (along_m, facing_rad) =
+            if is_returning { (3.0 * SPAN_M - around_m, TAU / 2.0) } else { (around_m - SPAN_M, 0.0) };
+        let facing = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), facing_rad);
         let X_WB = self.X_WP * Pose::from_parts(Vector3::new(along_m, 0.0, 0.0).into(), facing);
         let swing = libm::sin(TAU * walked_m / STRIDE_M);
         self.parts.iter().map(move |Part { surface, pivot, swing_rad }| {

@@ -199,7 +199,7 @@ pub struct Branch {
 }
 
 impl Branch {
-    /// All branches, in the order of [`SrsArm::solve`].
+    /// All branches.
     pub const ALL: [Self; 8] = {
         let mut all = [Self { elbow: false, shoulder: false, wrist: false }; 8];
         let mut i = 0;
@@ -214,7 +214,7 @@ impl Branch {
 impl SrsArm {
     /// The arcs of swivel angles, each with its branch, on which all joints are within `ranges` (lower and
     /// upper bound each, in radians).
-    pub fn swivels(&self, circle: &ElbowCircle, ranges: &[[f64; 2]; 7]) -> Vec<(Branch, [f64; 2])> {
+    pub fn swivels(&self, circle: &ElbowCircle, ranges: &[[f64; 2]]) -> Vec<(Branch, [f64; 2])> {
         let mut found = Vec::new();
         let mut bounds = None;
         for elbow in [false, true] {
@@ -243,7 +243,7 @@ impl SrsArm {
     }
 
     /// The bounds of the joints `first` to `first` + 2.
-    fn bounds(&self, first: usize, ranges: &[[f64; 2]; 7]) -> Bounds {
+    fn bounds(&self, first: usize, ranges: &[[f64; 2]]) -> Bounds {
         let u = self.along.into_inner();
         let outer = |joint: usize| {
             let [low, high] = ranges[joint];

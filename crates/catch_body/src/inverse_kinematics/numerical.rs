@@ -28,6 +28,11 @@ const NEARBY_RAD: f64 = 0.1;
 pub type Ranges = [[f64; 2]; MAX_JOINTS];
 
 impl Robot {
+    /// The ranges that the arm's limits leave to its joints.
+    pub fn joint_ranges(&self) -> Ranges {
+        std::array::from_fn(|i| self.joints.get(i).map_or([0.0; 2], |it| [it.limits.lower, it.limits.upper]))
+    }
+
     /// Joint positions in radians near `from` and within `ranges` that put the gripper at `X_WG`, its pose in
     /// W. `None` if the iteration finds none, which does not prove that there are none.
     ///
@@ -205,10 +210,7 @@ impl Robot {
     /// The direction of unit length in which joints can move at `q` without the gripper, in which that joint
     /// moves most that can; `None` without redundancy.
     pub fn self_motion(&self, q: &JointVector) -> Option<JointVector> {
-        if self.dof() <= 6 {
-            return None;
-        }
-        NullSpace::at(self, q)?.directions().first()?.try_normalize(1e-6)
+        if self.dof() <= 6 { None } else { NullSpace::at(self, q)?.directions().first()?.try_normalize(1e-6) }
     }
 }
 
@@ -251,8 +253,7 @@ mod tests {
     fn a_hand_turns_about_a_point() {
         let mut robot = iiwa();
         robot.joints.truncate(5);
-        let ranges =
-            std::array::from_fn(|i| robot.joints.get(i).map_or([0.0; 2], |it| [it.limits.lower, it.limits.upper]));
+        let ranges = robot.joint_ranges();
         let p_G = Point3::new(0.01, 0.09, 0.0);
         let mut least_turned = 0;
         for sample in 0..200 {

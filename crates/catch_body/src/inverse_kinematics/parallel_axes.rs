@@ -10,7 +10,7 @@
 use nalgebra::{Point3, Rotation3, Unit, Vector3};
 
 use super::{
-    Ranges, Solutions, TOLERANCE,
+    Ranges, TOLERANCE,
     angles::{Sinusoid, angle, meeting_point, turned_into},
 };
 use crate::{
@@ -72,8 +72,8 @@ impl ParallelAxesArm {
 
     /// All joint positions within `ranges` that put the gripper at `X_WG`, of those that differ by whole
     /// turns the nearest to `from`.
-    pub fn solutions(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Solutions {
-        let mut solutions = Solutions::default();
+    pub fn solutions(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<JointVector> {
+        let mut solutions = Vec::new();
         let to_wrist = X_WG * self.p_GW - self.base;
         // Rotation of the gripper from its orientation at zero.
         let R_turn = X_WG.rotation.to_rotation_matrix() * self.R_WG.inverse();
@@ -135,10 +135,6 @@ mod tests {
     };
     use proptest::prelude::*;
 
-    fn limits(robot: &Robot) -> Ranges {
-        std::array::from_fn(|i| robot.joints.get(i).map_or([0.0; 2], |it| [it.limits.lower, it.limits.upper]))
-    }
-
     #[test]
     fn the_kind_is_recognized_by_its_geometry() {
         assert!(ParallelAxesArm::of(&ur10e()).is_some() && ParallelAxesArm::of(&iiwa()).is_none());
@@ -171,15 +167,15 @@ mod tests {
             let [q, start] = [q, start].map(|it| robot.joint_vector(&it).unwrap());
             prop_assume!(libm::sin(q[2]).abs() > 0.02 && libm::sin(q[4]).abs() > 0.02);
             let X_WG = robot.gripper_pose(&q);
-            let solutions = arm.solutions(&X_WG, &q, &limits(&robot));
-            for found in solutions.iter() {
+            let solutions = arm.solutions(&X_WG, &q, &robot.joint_ranges());
+            for found in &solutions {
                 let reached = robot.gripper_pose(found);
                 prop_assert!((reached.translation.vector - X_WG.translation.vector).norm() < 1e-8);
                 prop_assert!(reached.rotation.angle_to(&X_WG.rotation) < 1e-8);
             }
             prop_assert!(solutions.iter().any(|found| (found - q).amax() < 1e-6), "{q}");
-            if let Some(iterated) = robot.nearby_solution(&X_WG, &start, &limits(&robot)) {
-                let near = arm.solutions(&X_WG, &iterated, &limits(&robot));
+            if let Some(iterated) = robot.nearby_solution(&X_WG, &start, &robot.joint_ranges()) {
+                let near = arm.solutions(&X_WG, &iterated, &robot.joint_ranges());
                 prop_assert!(near.iter().any(|found| (found - iterated).amax() < 1e-4), "{iterated}");
             }
         }

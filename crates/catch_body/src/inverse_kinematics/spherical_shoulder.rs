@@ -184,10 +184,6 @@ mod tests {
     use crate::robot_file::tests::{iiwa, named, ur10e};
     use proptest::prelude::*;
 
-    fn limits(robot: &Robot) -> Ranges {
-        std::array::from_fn(|i| robot.joints.get(i).map_or([0.0; 2], |it| [it.limits.lower, it.limits.upper]))
-    }
-
     #[test]
     fn the_kind_is_recognized_by_its_geometry() {
         for name in ["panda", "fr3", "xarm7", "iiwa14"] {
@@ -208,7 +204,7 @@ mod tests {
         ) {
             let mut robot = named(["panda", "fr3", "xarm7"][arm]);
             robot.X_WB = Pose::new(Vector3::new(0.3, -0.2, 0.5), Vector3::new(0.5, 1.0, -0.3));
-            let (closed, ranges) = (SphericalShoulderArm::of(&robot).unwrap(), limits(&robot));
+            let (closed, ranges) = (SphericalShoulderArm::of(&robot).unwrap(), robot.joint_ranges());
             let at = |it: [f64; 7]| {
                 let q: [f64; 7] = std::array::from_fn(|i| ranges[i][0] + it[i] * (ranges[i][1] - ranges[i][0]));
                 robot.joint_vector(&q).unwrap()
@@ -249,7 +245,7 @@ mod tests {
         #[test]
         fn solutions_keep_their_ranges(fractions in prop::array::uniform7(0.1f64..0.9)) {
             let robot = named("xarm7");
-            let (closed, limits) = (SphericalShoulderArm::of(&robot).unwrap(), limits(&robot));
+            let (closed, limits) = (SphericalShoulderArm::of(&robot).unwrap(), robot.joint_ranges());
             let q: [f64; 7] = std::array::from_fn(|i| limits[i][0] + fractions[i] * (limits[i][1] - limits[i][0]));
             let q = robot.joint_vector(&q).unwrap();
             let ranges: Ranges = std::array::from_fn(|i| [q[i] - 0.2, q[i] + 0.3]);

@@ -1,11 +1,11 @@
 //! The controller: the plan that is being executed, and the commands that follow from decisions.
 
-use catch_body::{Gripper, Robot};
+use catch_body::{Gripper, Robot, gripper::Fingers};
 use catch_cell::{Command, GripperMove, Observation, TrajectoryId};
 
 use super::{Config, Decision, GripperPlan, Progress, closest, gripper_moves, opening, sent_plans::SentPlans};
 use crate::{
-    grasp_selection::{self, Fingers, Grasp},
+    grasp_selection::{self, Grasp},
     trajectory_optimization::{CatchPlan, Start},
     trajectory_prediction::FlightTrajectory,
 };

@@ -42,15 +42,13 @@ impl TimeGridSearch {
     ) -> Result<CatchPlan, PlanningFailure> {
         let Progress { ref mut passes, departure_s, .. } = *progress;
         let found = self.search.search_in_passes(passes, &situation.start, incoming, departure_s);
-        if found.is_ok() {
-            progress.passes = 0;
-        }
-        found
+        found.inspect(|_| *passes = 0)
     }
 
     /// A first catch.
     fn first(&self, situation: &Situation<'_>, incoming: &Incoming<'_>) -> Decision {
-        let mut progress = situation.progress;
+        let departure_s = self.search.departure_s(&situation.start);
+        let mut progress = Progress { departure_s, ..situation.progress };
         match self.pass(situation, incoming, &mut progress) {
             Ok(plan) => {
                 progress.reference_cost = Some(plan.holding_cost);
@@ -92,14 +90,11 @@ impl TimeGridSearch {
             .as_ref()
             .zip(progress.reference_cost)
             .is_some_and(|(it, reference)| it.holding_cost > reference + gain);
-        let another = if is_closing || (is_good && !has_worsened) {
-            None
-        } else {
-            self.pass(situation, incoming, &mut progress).ok()
-        };
         let is_better = |it: &CatchPlan| {
             !is_good || adjusted.as_ref().is_some_and(|adjusted| it.holding_cost + gain < adjusted.holding_cost)
         };
+        let is_compared = !is_closing && (!is_good || has_worsened);
+        let another = is_compared.then(|| self.pass(situation, incoming, &mut progress).ok()).flatten();
         let another = another.filter(is_better);
         if has_worsened || another.is_some() {
             let compared = another.as_ref().or(adjusted.as_ref());
@@ -121,11 +116,7 @@ impl CatchPlanner for TimeGridSearch {
         let Self { grasps, grasping, .. } = &*self;
         let incoming = Incoming { flight: situation.flight, grasps, config: grasping, failures: &failures };
         let decision = match situation.running {
-            None => {
-                let departure_s = self.search.departure_s(&situation.start);
-                let progress = Progress { departure_s, ..situation.progress };
-                self.first(&Situation { progress, ..*situation }, &incoming)
-            }
+            None => self.first(situation, &incoming),
             Some(running) => self.replan(situation, &incoming, running),
         };
         self.failures += failures.count();

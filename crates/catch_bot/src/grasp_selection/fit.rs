@@ -105,13 +105,9 @@ pub fn fit_gripper(
 
     // The open fingers and the housing are clear of the object.
     let boxes = [gripper.fingers(aperture_m)[0], gripper.fingers(aperture_m)[1], gripper.body()];
-    let collides = |p: &Point3<f64>| {
-        boxes.iter().any(|cuboid| {
-            let inside = (p - cuboid.centre).abs() - cuboid.size / 2.0;
-            inside.max() < margin_m / 2.0
-        })
-    };
-    if reference.points.iter().any(|point| collides(&(X_GO * point))) {
+    let collides =
+        |p: Point3<f64>| boxes.iter().any(|it| ((p - it.centre).abs() - it.size / 2.0).max() < margin_m / 2.0);
+    if reference.points.iter().any(|point| collides(X_GO * point)) {
         return Err(GraspFailure::Collides);
     }
     let held_G = held_box(&reference.points, &X_GO);

@@ -5,22 +5,20 @@
 //! are dropped ([`GraspSet`]). In flight the paper's heuristics rank what is left ([`heuristics`]):
 //! "strength", "catchability" and "comfort". What the arm can reach is asked by trajectory optimization.
 
-mod closing;
-pub mod darboux;
 pub mod fit;
 pub mod heuristics;
 
 use std::collections::BTreeMap;
 
-use catch_body::{DriveControl, Gripper, Pose, quantity, shape::Cuboid, symmetry::Symmetry};
+use catch_body::{
+    DriveControl, Gripper, Pose, darboux::darboux_frame, gripper::Closing, quantity, shape::Cuboid, symmetry::Symmetry,
+};
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
 use crate::perception::ReferenceModel;
-pub use closing::{Closing, Fingers};
-use darboux::darboux_frame;
 pub use fit::GraspFailure;
 pub use heuristics::{Approach, Passing, RankedGrasp};
 
@@ -123,18 +121,13 @@ impl Config {
         }
     }
 
-    /// Returns whether the fingers are slow.
-    pub fn is_slow(&self, gripper: &Gripper) -> bool {
-        self.closing(gripper).duration_s(2.0 * self.finger_margin_m) > SLOW_CLOSING_S
-    }
-
     /// Margin at which slow fingers wait on each side of an object whose position along the direction of
     /// closing has this standard deviation, in metres; `None` for fingers that are fast, or cannot wait
     /// anywhere.
     pub fn pre_closing_margin_m(&self, gripper: &Gripper, sd_m: impl FnOnce() -> f64) -> Option<f64> {
+        let is_slow = self.closing(gripper).duration_s(2.0 * self.finger_margin_m) > SLOW_CLOSING_S;
         let can_wait = gripper.drive.control != DriveControl::TwoState;
-        (self.is_slow(gripper) && can_wait)
-            .then(|| (PRE_CLOSING_SD * sd_m()).max(self.approach_margin_m).min(self.finger_margin_m))
+        (is_slow && can_wait).then(|| (PRE_CLOSING_SD * sd_m()).max(self.approach_margin_m).min(self.finger_margin_m))
     }
 
     /// The coefficient of restitution that is expected.

@@ -140,12 +140,6 @@ impl Edge {
     fn inner(&self) -> usize {
         self.first + if self.begins { (2 * self.reach - 1) * self.step } else { 0 }
     }
-
-    /// The pixels beside the arm.
-    fn outer(&self) -> impl Iterator<Item = usize> {
-        let from = if self.begins { 0 } else { self.reach };
-        (from..from + self.reach).map(|i| self.first + i * self.step)
-    }
 }
 
 /// Depths of a camera's image with and without the arm.
@@ -162,7 +156,8 @@ impl ArmImage {
 
     /// Returns whether a surface behind the arm is so near that depths do not distinguish it from the arm.
     fn is_near_ground(&self, edge: &Edge, apart_m: f32) -> bool {
-        edge.outer().any(|pixel| self.with_m[pixel] < edge.depth_m + apart_m)
+        let from = if edge.begins { 0 } else { edge.reach };
+        (from..from + edge.reach).any(|i| self.with_m[edge.first + i * edge.step] < edge.depth_m + apart_m)
     }
 
     /// Crossings of the silhouette with all rows, or all columns.

@@ -16,7 +16,7 @@ use super::{
     arm_edges::{ArmEdges, Sight},
     camera_offsets::{self, CameraOffset},
     segmentation::{Surroundings, is_full},
-    silhouette_shift::{DISPLACED_M, SIGNIFICANT, Shift, ShiftHistory},
+    silhouette_shift::{DISPLACED_M, Mean, SIGNIFICANT, ShiftHistory},
 };
 
 /// Status of a camera.
@@ -71,14 +71,14 @@ pub struct CameraHealth {
 }
 
 /// Memory of one camera.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 struct Record {
     /// Capture time of its newest image.
     newest_s: Option<f64>,
     /// Sets of full images since then that it had no part in.
     missed: usize,
     /// Depths of its newest full image, at the same pixels in each.
-    depths_m: [f32; SAMPLES],
+    depths_m: Vec<f32>,
     frozen: Verdict,
     blinded: Verdict,
     swapped: Verdict,
@@ -125,23 +125,12 @@ const SILENT_SETS: usize = 10;
 impl CameraHealth {
     /// Prepares the check for an arm that will be waiting where `surroundings` say.
     pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
-        let record = Record {
-            newest_s: None,
-            missed: 0,
-            depths_m: [f32::NAN; SAMPLES],
-            frozen: Verdict::default(),
-            blinded: Verdict::default(),
-            swapped: Verdict::default(),
-            misplaced: Verdict::default(),
-            shift: ShiftHistory::default(),
-            is_off: false,
-        };
         let uncalibrated: Vec<bool> =
             (0..cameras.len()).map(|camera| config.uncalibrated_cameras.contains(&camera)).collect();
         let mut health = Self {
             waiting: (surroundings.X_WL, surroundings.width_m),
             edges: cameras.iter().map(|camera| ArmEdges::new(camera, surroundings, config)).collect(),
-            records: vec![record; cameras.len()],
+            records: vec![Record::default(); cameras.len()],
             offsets: vec![CameraOffset::default(); cameras.len()],
             statuses: vec![CameraStatus::Good; cameras.len()],
             left_out: uncalibrated.clone(),
@@ -208,6 +197,7 @@ impl CameraHealth {
     fn judge_repetition(&mut self, frame: &DepthFrame, config: &Config) {
         let (edges, record) = (&self.edges[frame.camera], &mut self.records[frame.camera]);
         let (mut measured, mut repeated) = (0, true);
+        record.depths_m.resize(SAMPLES, f32::NAN);
         for (pixel, before_m) in edges.samples(SAMPLES).zip(&mut record.depths_m) {
             let depth_m = frame.depth_m[pixel];
             repeated &= depth_m.to_bits() == before_m.to_bits() || depth_m.is_nan() && before_m.is_nan();
@@ -239,8 +229,8 @@ impl CameraHealth {
         if !blinded && sight.explained.is_some() {
             record.misplaced.update(misplaced);
         }
-        if let Some(shift) = Shift::of(&sight).filter(|_| !blinded && !misplaced && !record.frozen.holds) {
-            record.shift.add(shift, camera, edges.mean_depth_m, config);
+        if let Some(shift) = Mean::of(&sight).filter(|_| !blinded && !misplaced && !record.frozen.holds) {
+            record.shift.add(&shift, camera, edges.mean_depth_m, config);
         }
     }
 
@@ -308,10 +298,6 @@ fn is_empty(frame: &DepthFrame) -> bool {
 /// Returns whether nearly all pixels have the same depth.
 fn is_uniform(frame: &DepthFrame) -> bool {
     let Some(first) = spread(frame).find(|depth_m| depth_m.is_finite() && *depth_m > 0.0) else { return false };
-    let (mut count, mut alike) = (0, 0);
-    for depth_m in spread(frame) {
-        count += 1;
-        alike += usize::from(depth_m == first);
-    }
-    10 * alike > 9 * count
+    let alike = spread(frame).filter(|depth_m| *depth_m == first).count();
+    10 * alike > 9 * spread(frame).count()
 }

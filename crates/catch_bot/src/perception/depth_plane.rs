@@ -72,17 +72,17 @@ impl DepthPlane {
     pub fn add_to(&self, equations: &mut NormalEquations, reference: &ReferenceModel, X_WO: &Pose) -> f64 {
         let Some(root) = self.spread_m2.cholesky() else { return 0.0 };
         let R_OC = X_WO.rotation.inverse().to_rotation_matrix() * self.R_WC;
-        let facing = Facing::of(reference, &R_OC, self.blur_m2);
+        let (depth_m, slopes) = facing(reference, &R_OC, self.blur_m2);
         let n_O = R_OC.column(2).into_owned();
-        let beyond_m = self.R_WC.column(2).dot(&(self.p_W - X_WO.translation.vector)) - facing.depth_m;
+        let beyond_m = self.R_WC.column(2).dot(&(self.p_W - X_WO.translation.vector)) - depth_m;
         equations.add(&Point3::origin(), &n_O, 1.0 / self.mean_m2, beyond_m / self.mean_m2);
 
-        let residual = root.l().tr_mul(&(self.slopes - facing.slopes));
+        let residual = root.l().tr_mul(&(self.slopes - slopes));
         // A small rotation δ of the object is one of −δ of the camera about it.
         let by_turn: [Vector2<f64>; 3] = std::array::from_fn(|axis| {
             let turned = Rotation3::new(-Vector3::ith(axis, DIFFERENCE_RAD)) * R_OC;
-            let change = Facing::of(reference, &turned, self.blur_m2).slopes - facing.slopes;
-            -root.l().tr_mul(&change) / DIFFERENCE_RAD
+            let (_, turned_slopes) = facing(reference, &turned, self.blur_m2);
+            -root.l().tr_mul(&(turned_slopes - slopes)) / DIFFERENCE_RAD
         });
         for i in 0..2 {
             let [x, y, z] = by_turn.map(|it| it[i]);
@@ -92,35 +92,26 @@ impl DepthPlane {
     }
 }
 
-/// The side of the reference that faces a camera, as its pixels would have it.
-struct Facing {
-    /// Mean depth beyond the origin of O.
-    depth_m: f64,
-    /// Slopes of the depths across the image.
-    slopes: Vector2<f64>,
-}
-
-impl Facing {
-    /// Regression of the depths of what faces a camera far away, whose axes in O are the columns of `R_OC`.
-    fn of(reference: &ReferenceModel, R_OC: &Matrix3<f64>, blur_m2: f64) -> Self {
-        let stride = stride(reference.points.len(), FACING_POINTS);
-        let along_O = R_OC.column(2);
-        let (mut weights, mut mean, mut squares) = (1e-12, Vector3::zeros(), Matrix3::identity() * 1e-18);
-        for (p_O, n_O) in reference.points.iter().zip(&reference.normals).step_by(stride) {
-            let weight = -n_O.dot(&along_O);
-            if weight > 0.0 {
-                let p_C = R_OC.tr_mul(&p_O.coords);
-                weights += weight;
-                mean += p_C * weight;
-                squares += p_C * p_C.transpose() * weight;
-            }
+/// Regression of the depths of the side of the reference that faces a camera far away, whose axes in O are
+/// the columns of `R_OC`, as its pixels would have it: mean depth beyond the origin of O, and slopes of the
+/// depths across the image.
+fn facing(reference: &ReferenceModel, R_OC: &Matrix3<f64>, blur_m2: f64) -> (f64, Vector2<f64>) {
+    let stride = stride(reference.points.len(), FACING_POINTS);
+    let along_O = R_OC.column(2);
+    let (mut weights, mut mean, mut squares) = (1e-12, Vector3::zeros(), Matrix3::identity() * 1e-18);
+    for (p_O, n_O) in reference.points.iter().zip(&reference.normals).step_by(stride) {
+        let weight = -n_O.dot(&along_O);
+        if weight > 0.0 {
+            let p_C = R_OC.tr_mul(&p_O.coords);
+            weights += weight;
+            mean += p_C * weight;
+            squares += p_C * p_C.transpose() * weight;
         }
-        let mean = mean / weights;
-        let spread = squares / weights - mean * mean.transpose();
-        let across = (spread.fixed_view::<2, 2>(0, 0) + Matrix2::identity() * blur_m2).try_inverse();
-        let slopes = across.map_or(Vector2::zeros(), |it| it * spread.fixed_view::<2, 1>(0, 2));
-        Self { depth_m: mean.z, slopes }
     }
+    let mean = mean / weights;
+    let spread = squares / weights - mean * mean.transpose();
+    let across = (spread.fixed_view::<2, 2>(0, 0) + Matrix2::identity() * blur_m2).try_inverse();
+    (mean.z, across.map_or(Vector2::zeros(), |it| it * spread.fixed_view::<2, 1>(0, 2)))
 }
 
 #[cfg(test)]
@@ -187,10 +178,10 @@ mod tests {
             let R_OC = Rotation3::new(Vector3::x() * about_x_rad).into_inner();
             let C_C = R_OC.tr_mul(&(C_O * R_OC));
             let expected = C_C[(1, 2)] / C_C[(1, 1)];
-            let [sharp, blurred] = [0.0, 1e-3].map(|blur_m2| Facing::of(&reference, &R_OC, blur_m2));
-            assert!((sharp.slopes.y - expected).abs() < 0.05 * expected.abs(), "{}, {expected}", sharp.slopes);
-            assert!(blurred.slopes.y.abs() < 0.9 * sharp.slopes.y.abs(), "{}", blurred.slopes);
-            assert!(sharp.depth_m < 0.0, "the facing side is before the middle");
+            let [(depth_m, sharp), (_, blurred)] = [0.0, 1e-3].map(|blur_m2| facing(&reference, &R_OC, blur_m2));
+            assert!((sharp.y - expected).abs() < 0.05 * expected.abs(), "{sharp}, {expected}");
+            assert!(blurred.y.abs() < 0.9 * sharp.y.abs(), "{blurred}");
+            assert!(depth_m < 0.0, "the facing side is before the middle");
         }
     }
 
@@ -200,7 +191,7 @@ mod tests {
         for about_x_rad in [0.3, 1.0, -0.7] {
             let X_WO = tilted(about_x_rad);
             let plane = DepthPlane::new(&visible(&X_WO, SEMI_AXES), &reference, 0.5, 0);
-            let mut equations = NormalEquations::ZERO;
+            let mut equations = NormalEquations::default();
             let right = plane.add_to(&mut equations, &reference, &X_WO);
             let reversed = plane.add_to(&mut equations, &reference, &tilted(-about_x_rad));
             assert!(right < 0.1 && reversed > 10.0, "{about_x_rad}: {right}, {reversed}");
@@ -214,10 +205,10 @@ mod tests {
         let plane = DepthPlane::new(&visible(&tilted(0.8), SEMI_AXES), &reference, 0.5, 0);
         let X_WO = tilted(0.5) * Pose::rotation(Vector3::new(0.1, 0.2, -0.3));
         let cost = |turn: Vector3<f64>| {
-            let mut equations = NormalEquations::ZERO;
+            let mut equations = NormalEquations::default();
             plane.add_to(&mut equations, &reference, &(X_WO * Pose::rotation(turn)))
         };
-        let mut equations = NormalEquations::ZERO;
+        let mut equations = NormalEquations::default();
         plane.add_to(&mut equations, &reference, &X_WO);
         let gradient = equations.projected(&nalgebra::Matrix3::identity()).1;
         for axis in 0..3 {

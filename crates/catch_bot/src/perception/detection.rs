@@ -232,13 +232,10 @@ fn is_enough_alone(blobs: &[Blob], place: &Point3<f64>, reach_m: f64, view: &Vie
         let (u, v) = (uv.x - f64::from(frame.window.left), uv.y - f64::from(frame.window.top));
         let margin_px = reach_m * camera.focal_px / p_C.z;
         let is_within = |at: f64, length: u32| at > margin_px && at < f64::from(length) - margin_px;
+        let background = || Background::new(camera, view.surroundings.get(index), &frame.window, config);
         is_within(u, frame.window.width)
             && is_within(v, frame.window.height)
-            && p_C.z
-                < nearer_than_m(
-                    Background::new(camera, view.surroundings.get(index), &frame.window, config).nearest_m(&uv),
-                    config,
-                )
+            && p_C.z < nearer_than_m(background().nearest_m(&uv), config)
     };
     !view.seen().filter(|(_, frame)| frame.mask.is_none() && frame.camera != blob.camera).any(sees_place)
 }

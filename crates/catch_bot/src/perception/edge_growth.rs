@@ -56,7 +56,7 @@ impl EdgeGrowth {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::perception::normal_distribution::bound_cost;
+    use catch_body::normal_distribution::bound_cost;
 
     /// Fraction of the pixels within the edge's width of a silhouette that show the object: on it, and
     /// beside it. Half of the depths between both surfaces count as the object's.

@@ -91,18 +91,16 @@ impl PoseEstimator for SdfEstimator {
         let with_silhouette = fit.silhouette_residual_m.is_some();
         let register =
             |X_WO: &Pose| registration.iterate(&mut workspace.scene, X_WO, COMPARED_AFTER, with_silhouette).0;
-        let other = self.half_turns.compare(&fit, register);
-        let Some(other) = other else { return Ok(found) };
+        let Some(other) = self.half_turns.compare(&fit, register) else { return Ok(found) };
         self.turned_over = Some(fit.X_WO.inverse() * other.X_WO);
         Ok(other.pose(view, false))
     }
 
     fn estimate_all(&mut self, view: &View<'_>, expected: &[Pose], found: &mut Vec<ObjectPose>) {
         self.reset();
-        let register = |registration: &Registration<'_>, scene: &mut SceneCloud, X_WO: &Pose| {
+        self.finder.find_all(view, expected, found, |registration, scene, X_WO| {
             register_near(registration, view, scene, X_WO)
-        };
-        self.finder.find_all(view, expected, register, found);
+        });
     }
 
     fn turned_over(&self) -> Option<Pose> {
@@ -230,8 +228,8 @@ impl ObjectFinder {
         &mut self,
         view: &View<'_>,
         expected: &[Pose],
-        mut register: impl FnMut(&Registration<'_>, &mut SceneCloud, &Pose) -> Result<Fit, PerceptionStatus>,
         found: &mut Vec<ObjectPose>,
+        mut register: impl FnMut(&Registration<'_>, &mut SceneCloud, &Pose) -> Result<Fit, PerceptionStatus>,
     ) {
         if self.reference.points.is_empty() || self.workspace.detector.background.learn(view, &self.config) {
             return;
@@ -334,12 +332,9 @@ impl ObjectFinder {
         self.collect(view, expected)?;
         let Self { config, reference, workspace: Workspace { scene, thinned, .. }, .. } = self;
         let registration = Registration::new(reference, config);
-        let tracked = match prior {
-            Prior::Pose(X_WO) => register(&registration, scene, X_WO).ok(),
-            Prior::Place(_) | Prior::Anywhere => None,
-        };
+        let tracked = if let Prior::Pose(X_WO) = prior { register(&registration, scene, X_WO).ok() } else { None };
         let (fit, registered_globally) = match tracked {
-            Some(fit) if !fit.is_unexplained() => (fit, false),
+            Some(fit) if !fit.silhouette_mismatch.is_some_and(|it| it > MAX_MISMATCH) => (fit, false),
             _ => {
                 if scene.silhouette.is_empty() {
                     scene.collect_silhouette(view, reference, config);
@@ -366,10 +361,6 @@ impl ObjectPose {
 }
 
 impl Fit {
-    fn is_unexplained(&self) -> bool {
-        self.silhouette_mismatch.is_some_and(|mismatch| mismatch > MAX_MISMATCH)
-    }
-
     /// Returns whether this pose explains the silhouettes much better than the other, which always holds
     /// against one without silhouettes.
     fn explains_much_better(&self, other: &Self) -> bool {

@@ -17,7 +17,6 @@ mod estimator;
 mod global_registration;
 mod half_turns;
 mod known_background;
-mod normal_distribution;
 mod normal_equations;
 pub mod point_cloud;
 pub mod reference;

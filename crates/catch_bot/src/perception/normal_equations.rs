@@ -13,7 +13,7 @@ pub(super) const MEAN_SQUARE: f64 = 0.873;
 ///
 /// With R → R·exp(δθ) and t → t + R·δt, a distance f whose gradient is n at the point p, all in O, changes by
 /// −(p × n)·δθ − n·δt.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct NormalEquations {
     /// Lower triangle, row by row.
     products: [f64; 21],
@@ -21,8 +21,6 @@ pub(super) struct NormalEquations {
 }
 
 impl NormalEquations {
-    pub const ZERO: Self = Self { products: [0.0; 21], gradient: [0.0; 6] };
-
     /// Adds a residual: the gradient of the distance at a point, the curvature by which it counts, and the
     /// slope of its cost.
     #[inline]
@@ -124,7 +122,7 @@ pub(super) fn weight(in_sd: f64, scale: f64) -> f64 {
 }
 
 /// Sums over one kind of residuals.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sums {
     pub equations: NormalEquations,
     /// Σ w and Σ w·r², in standard deviations, and Σ w·r² in m².
@@ -138,15 +136,6 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    pub const ZERO: Self = Self {
-        equations: NormalEquations::ZERO,
-        weight: 0.0,
-        squares: 0.0,
-        squares_m2: 0.0,
-        variances_m2: 0.0,
-        distances_m: 0.0,
-    };
-
     /// Counts a residual and returns its weight.
     #[inline]
     pub fn weigh(&mut self, distance_m: f64, sd_m: f64, scale: f64) -> f64 {

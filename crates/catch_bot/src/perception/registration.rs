@@ -80,6 +80,7 @@ struct Scales {
 }
 
 /// Progress of a registration.
+#[derive(Default)]
 struct Pace {
     iterations: usize,
     /// True if the steps have come to rest.
@@ -95,16 +96,6 @@ struct Pace {
 }
 
 impl Pace {
-    const NEW: Self = Self {
-        iterations: 0,
-        at_rest: false,
-        moved_m: 0.0,
-        step: Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        step_sd: f64::INFINITY,
-        damping: 1.0,
-        tolerance_sd: STEP_TOLERANCE_SD,
-    };
-
     /// The part of a step that is taken: all of it, unless the steps jump to and fro.
     fn damped(&mut self, step: &Vector6<f64>, information: &Matrix6<f64>) -> Vector6<f64> {
         let step_sd = step.dot(&(information * step)).max(0.0).sqrt();
@@ -132,6 +123,7 @@ impl Pace {
 }
 
 /// Sums over points and rays at a pose.
+#[derive(Default)]
 struct Summed {
     on_points: Sums,
     on_rays: Sums,
@@ -243,16 +235,16 @@ impl<'a> Registration<'a> {
         // With infinite scales nothing is an outlier: the typical residual at the start, so that a start that
         // is off does not turn everything to outliers.
         self.measure(&mut depths, &X_WO);
-        let mut on_points = Sums::ZERO;
+        let mut on_points = Sums::default();
         for it in &*depths.residuals {
             on_points.weigh(it.distance_m, it.sd_m, f64::INFINITY);
         }
         let mut scales =
             Scales { points: typical(&on_points), silhouette: silhouette.typical_violation(f64::INFINITY).max(1.0) };
         silhouette.choose(0.0, scales.silhouette);
-        let mut summed =
-            Summed { on_points: Sums::ZERO, on_rays: Sums::ZERO, tilted: 0.0, equations: NormalEquations::ZERO };
-        let mut pace = Pace::NEW;
+        let mut summed = Summed::default();
+        let (step_sd, damping, tolerance_sd) = (f64::INFINITY, 1.0, STEP_TOLERANCE_SD);
+        let mut pace = Pace { step_sd, damping, tolerance_sd, ..Pace::default() };
         while pace.iterations < max_iterations && !pace.at_rest {
             if pace.iterations > 0 {
                 self.measure(&mut depths, &X_WO);
@@ -310,7 +302,7 @@ impl<'a> Registration<'a> {
 
     /// Sums over the points. The error that the depths of each image have in common is eliminated.
     fn sum_points(&self, residuals: &[PointResidual], scale: f64) -> Sums {
-        let mut sums = Sums::ZERO;
+        let mut sums = Sums::default();
         let Some(told) = self.config.depth_common_fraction else {
             for PointResidual { p_O, n_O, distance_m, sd_m, .. } in residuals {
                 let curvature = sums.weigh(*distance_m, *sd_m, scale) / (sd_m * sd_m);
@@ -404,10 +396,8 @@ fn typical(sums: &Sums) -> f64 {
 /// −2 × the log-likelihood of residuals, outliers included, if they are Laplace distributed with a width that
 /// only their mean tells, up to a constant: 2·n·ln(mean |r|).
 fn robust_cost(sums: &Sums, count: usize) -> f64 {
-    if count == 0 {
-        return 0.0;
-    }
-    2.0 * count as f64 * libm::log((sums.distances_m / count.max(1) as f64).max(LEAST_MEAN_M))
+    let mean_m = (sums.distances_m / count.max(1) as f64).max(LEAST_MEAN_M);
+    if count == 0 { 0.0 } else { 2.0 * count as f64 * libm::log(mean_m) }
 }
 
 /// The Gauss–Newton step in O, damped a little so that what cannot be observed stays where it was.

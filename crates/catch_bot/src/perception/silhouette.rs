@@ -5,14 +5,16 @@
 //! information. Each such ray is a one-sided bound on the pose, and hundreds of them leave little room: far
 //! less than if each told the silhouette's place to within a pixel by itself.
 
-use catch_body::Pose;
+use catch_body::{
+    Pose,
+    normal_distribution::{bound_cost, inverse_mills},
+};
 use catch_cell::{CameraModel, PixelWindow};
 use nalgebra::{Point3, Vector3};
 
 use super::{
     ReferenceModel, Symmetry,
     edge_growth::EdgeGrowth,
-    normal_distribution::{bound_cost, inverse_mills},
     normal_equations::{CommonError, OUTLIER_SD, Sums},
     reference::MODEL_SD_M,
     segmentation::Label,
@@ -21,7 +23,7 @@ use super::{
 };
 
 /// The ray through a pixel at the object's silhouette.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SilhouetteRay {
     /// Origin of the ray: the camera.
     pub p_WC: Point3<f64>,
@@ -76,21 +78,8 @@ const LEAST_STEP_M: f64 = 5e-4;
 impl SilhouetteRay {
     /// A ray that has not been near an object.
     pub fn new(p_WC: Point3<f64>, direction_W: Vector3<f64>, inside: bool, pixel_rad: f64, image: usize) -> Self {
-        Self {
-            p_WC,
-            direction_W,
-            inside,
-            pixel_rad,
-            image,
-            along_m: 0.0,
-            bend_per_m: 20.0,
-            distance_m: 0.0,
-            p_O: Point3::origin(),
-            n_O: Vector3::zeros(),
-            direction_O: Vector3::zeros(),
-            sd_m: 1.0,
-            seen_after_m: 0.0,
-        }
+        let (bend_per_m, sd_m) = (20.0, 1.0);
+        Self { p_WC, direction_W, inside, pixel_rad, image, bend_per_m, sd_m, ..Self::default() }
     }
 
     /// Violation of the bound in metres, where the object has grown as `edges` say; negative if it is kept.
@@ -247,11 +236,11 @@ impl Silhouette {
         let mut neighbour: Option<SilhouetteRay> = None;
         self.edges.iter_mut().for_each(|it| it.reset(SILHOUETTE_SD_PX));
         for ray in &mut self.rays {
-            if view.is_elsewhere(&ray.p_WC) {
+            if view.look_from(&ray.p_WC) {
                 neighbour = None;
             }
-            view.look_from(&ray.p_WC);
-            ray.along_m = view.passing_m(&ray.direction_W);
+            // Where it passes the object's centre.
+            ray.along_m = -view.p_OC.coords.dot(&(view.R_OW * ray.direction_W));
             ray.note(0.0, &self.edges);
             ray.find(reference, &view, neighbour.as_ref());
             ray.note(0.0, &self.edges);
@@ -326,7 +315,7 @@ impl Silhouette {
     /// that cost is least.
     pub(super) fn sum(&mut self, scale: f64) -> Sums {
         let Self { rays, edges, near, .. } = self;
-        let mut sums = Sums::ZERO;
+        let mut sums = Sums::default();
         for of_image in near.chunk_by(|a, b| rays[*a as usize].image == rays[*b as usize].image) {
             let image = rays[of_image[0] as usize].image;
             let growth_sd_px = edges[image].sd_px();

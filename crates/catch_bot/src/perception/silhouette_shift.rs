@@ -5,16 +5,9 @@ use nalgebra::{Matrix4, Vector3, Vector4};
 
 use super::{Config, arm_edges::Sight};
 
-/// Shift of the arm in one image.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Shift {
-    /// Shift in pixels to the right and down, and in depth by metres.
-    value: Vector3<f64>,
-}
-
-/// The mean of some images.
+/// The mean shift of the arm in some images: in pixels to the right and down, and in depth by metres.
 #[derive(Debug, Clone, Copy, Default)]
-struct Mean {
+pub(super) struct Mean {
     images: f64,
     value: Vector3<f64>,
 }
@@ -51,17 +44,15 @@ const SUSPECT: f64 = 0.5;
 /// depth, and how far edges grow in pixels.
 const PRIOR_SD: [f64; 4] = [20.0, 20.0, 0.3, 3.0];
 
-impl Shift {
-    /// Least squares over the edges; `None` without enough of them.
+impl Mean {
+    /// The shift in one image, by least squares over the edges; `None` without enough of them.
     pub fn of(sight: &Sight) -> Option<Self> {
         sight.explained?;
         let prior = Matrix4::from_diagonal(&Vector4::from(PRIOR_SD).map(|sd| sd.powi(-2)));
         let found = (sight.information + prior).cholesky()?.solve(&sight.pull);
-        Some(Self { value: Vector3::new(found[0], found[1], sight.depth_error_m.unwrap_or(0.0)) })
+        Some(Self { images: 1.0, value: Vector3::new(found[0], found[1], sight.depth_error_m.unwrap_or(0.0)) })
     }
-}
 
-impl Mean {
     fn add(&mut self, other: &Self, most: f64) {
         let images = self.images + other.images;
         if images > 0.0 {
@@ -81,8 +72,8 @@ impl ShiftHistory {
     }
 
     /// Takes in one image of a `camera` that sees the arm at a depth.
-    pub fn add(&mut self, shift: Shift, camera: &CameraModel, depth_m: f64, config: &Config) {
-        self.now.add(&Mean { images: 1.0, value: shift.value }, MOST_IMAGES);
+    pub fn add(&mut self, shift: &Mean, camera: &CameraModel, depth_m: f64, config: &Config) {
+        self.now.add(shift, MOST_IMAGES);
         if self.now.images < MIN_IMAGES {
             return;
         }
@@ -110,16 +101,14 @@ impl ShiftHistory {
     /// Returns whether the recent images differ from those before by more than a fraction of the bounds.
     fn has_moved(&self, fraction: f64, camera: &CameraModel, depth_m: f64, config: &Config) -> bool {
         let Self { before, now, .. } = self;
-        if before.images < MIN_IMAGES {
-            return false;
-        }
         let apart_px = DISPLACED_M * camera.focal_px / depth_m;
         // Half of the noise may be common to an image.
         let common_m = config.depth_sd_m(depth_m) * config.depth_common_fraction.unwrap_or(0.0).sqrt();
         let noise = SIGNIFICANT * (now.images.recip() + before.images.recip()).sqrt();
         let change = now.value - before.value;
-        change.xy().norm() > fraction * (apart_px + IMAGE_SD_PX * noise)
-            || change.z.abs() > fraction * (DISPLACED_M + common_m * noise)
+        let exceeds = change.xy().norm() > fraction * (apart_px + IMAGE_SD_PX * noise)
+            || change.z.abs() > fraction * (DISPLACED_M + common_m * noise);
+        before.images >= MIN_IMAGES && exceeds
     }
 }
 
@@ -152,7 +141,7 @@ mod tests {
         for _ in 0..images {
             let mut value = normal.vector().component_mul(&Vector3::new(IMAGE_SD_PX, IMAGE_SD_PX, 1e-3));
             value.x += mean_px;
-            history.add(Shift { value }, &camera(), DEPTH_M, &config);
+            history.add(&Mean { images: 1.0, value }, &camera(), DEPTH_M, &config);
             named |= history.is_displaced;
         }
         history.close();

@@ -20,21 +20,13 @@ impl Viewpoint {
         Self { R_OW, p_WO: X_WO.translation.vector, p_WC, p_OC: p_WC }
     }
 
-    /// Returns whether a camera stands elsewhere.
-    pub fn is_elsewhere(&self, p_WC: &Point3<f64>) -> bool {
-        self.p_WC != *p_WC
-    }
-
-    /// Distance along a ray of this camera at which it passes the object's centre, in metres.
-    pub fn passing_m(&self, direction_W: &Vector3<f64>) -> f64 {
-        -self.p_OC.coords.dot(&(self.R_OW * direction_W))
-    }
-
-    /// Takes the place of a camera.
-    pub fn look_from(&mut self, p_WC: &Point3<f64>) {
-        if self.is_elsewhere(p_WC) {
+    /// Takes the place of a camera. Returns whether that stands elsewhere than the last one.
+    pub fn look_from(&mut self, p_WC: &Point3<f64>) -> bool {
+        let is_elsewhere = self.p_WC != *p_WC;
+        if is_elsewhere {
             self.p_WC = *p_WC;
             self.p_OC = Point3::from(self.R_OW * (p_WC.coords - self.p_WO));
         }
+        is_elsewhere
     }
 }

@@ -11,12 +11,10 @@ pub struct FailureCounter(AtomicU32);
 impl FailureCounter {
     /// The solution of a program, if it has one; any failure but infeasibility is counted.
     pub fn solution<T>(&self, solved: Result<T, ProgramFailure>) -> Option<T> {
-        match solved {
-            Ok(solution) => return Some(solution),
-            Err(ProgramFailure::Infeasible) => {}
-            Err(ProgramFailure::IterationLimit | ProgramFailure::Numerical) => self.add_one(),
+        if matches!(solved, Err(ProgramFailure::IterationLimit | ProgramFailure::Numerical)) {
+            self.add_one();
         }
-        None
+        solved.ok()
     }
 
     /// A factorization of a matrix that is positive definite but for rounding; one that failed is counted.

@@ -43,7 +43,8 @@ const EXTREME: f64 = 1e4;
 pub struct JointSpline {
     /// Knots in normalized time.
     pub knots: Vec<f64>,
-    points: usize,
+    /// Number of control points.
+    pub control_points: usize,
     ends: Ends,
     /// Bounded quantities that do not depend on the free variables, and those that do, with their rows over
     /// them.
@@ -88,20 +89,20 @@ impl JointSpline {
     /// With more spans than there is room for: the layouts are constants of this crate.
     pub fn new(spans: &[f64], ends: Ends, comfort_weight: f64, steady_end_weight: f64) -> Self {
         let knots = clamped_knots(spans);
-        let points = spans.len() + DEGREE;
-        assert!(points <= MAX_POINTS, "too many spans");
+        let control_points = spans.len() + DEGREE;
+        assert!(control_points <= MAX_POINTS, "too many spans");
 
         let identity: Vec<Combination> =
-            (0..points).map(|i| std::array::from_fn(|j| f64::from(u8::from(i == j)))).collect();
+            (0..control_points).map(|i| std::array::from_fn(|j| f64::from(u8::from(i == j)))).collect();
         let velocity = differentiated(&identity, &knots, DEGREE);
         let acceleration = differentiated(&velocity, &knots[1..knots.len() - 1], DEGREE - 1);
         let jerk = differentiated(&acceleration, &knots[2..knots.len() - 2], DEGREE - 2);
 
-        let (mut cost, comfort) = integrals(&knots, points, comfort_weight);
+        let (mut cost, comfort) = integrals(&knots, control_points, comfort_weight);
         if ends.end == EndKind::At {
             for combination in &acceleration[acceleration.len() - 2..] {
-                for i in 0..points {
-                    for j in 0..points {
+                for i in 0..control_points {
+                    for j in 0..control_points {
                         cost[i][j] += steady_end_weight * combination[i] * combination[j];
                     }
                 }
@@ -110,7 +111,7 @@ impl JointSpline {
 
         let mut spline = Self {
             knots,
-            points,
+            control_points,
             ends,
             given: Vec::new(),
             bounded: Vec::new(),
@@ -244,13 +245,8 @@ impl JointSpline {
         limits: &JointLimits,
     ) -> Result<f64, ProgramFailure> {
         let points = self.solve(start, end, duration_s, limits, start.q)?;
-        let h = (1.0 - self.knots[self.points - 1]) * duration_s;
-        Ok((points[self.points - 1] - points[self.points - 2]) * DEGREE as f64 / h)
-    }
-
-    /// Number of control points.
-    pub fn control_points(&self) -> usize {
-        self.points
+        let h = (1.0 - self.knots[self.control_points - 1]) * duration_s;
+        Ok((points[self.control_points - 1] - points[self.control_points - 2]) * DEGREE as f64 / h)
     }
 
     /// Control points that the start dictates.
@@ -260,14 +256,14 @@ impl JointSpline {
 
     fn free(&self) -> usize {
         let given_at_end = if self.ends.end == EndKind::Position { 1 } else { 2 };
-        self.points - self.given_at_start() - given_at_end
+        self.control_points - self.given_at_start() - given_at_end
     }
 
     /// The control points that a variable moves: one, or, at an end at rest, the last three together.
     fn lifted(&self, variable: usize) -> std::ops::Range<usize> {
         let first = variable + self.given_at_start();
         let rests = self.ends.end == EndKind::Rest && variable + 1 == self.free();
-        first..if rests { self.points } else { first + 1 }
+        first..if rests { self.control_points } else { first + 1 }
     }
 
     /// The control points that start and end dictate; the free ones are zero.
@@ -285,11 +281,11 @@ impl JointSpline {
         }
         match end {
             End::At { q, dq, .. } => {
-                let h = 1.0 - knots[self.points - 1];
-                points[self.points - 1] = *q;
-                points[self.points - 2] = q - dq * duration_s * h / 3.0;
+                let h = 1.0 - knots[self.control_points - 1];
+                points[self.control_points - 1] = *q;
+                points[self.control_points - 2] = q - dq * duration_s * h / 3.0;
             }
-            End::Extreme { q, .. } => points[self.points - 1] = *q,
+            End::Extreme { q, .. } => points[self.control_points - 1] = *q,
             End::Rest => {}
         }
         points

@@ -133,7 +133,6 @@ pub struct CatchPlan {
 impl CatchPlan {
     /// The catch of a `grasp` by a motion from elsewhere: the gripper is where the motion has it, and the
     /// object enters toward the palm.
-    #[allow(non_snake_case)]
     pub fn of_motion(
         robot: &Robot,
         trajectory: BSpline,

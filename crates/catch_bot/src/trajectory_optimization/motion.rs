@@ -6,7 +6,7 @@ use catch_cell::{BSpline, Setpoint, executor::CONTINUITY, spline::DEGREE};
 use super::{
     MotionPlanner, Start,
     failure_counter::FailureCounter,
-    joint_spline::{End, JointState},
+    joint_spline::{End, JointPoints, JointState},
 };
 use crate::grasp_selection::Grasp;
 
@@ -15,11 +15,9 @@ pub const ROUNDING: f64 = 1e-7;
 /// Distance from the position limits that rounding needs, in radians.
 const HULL_ROUNDING: f64 = 1e-9;
 
-/// Fraction of the velocity limits that a replan uses where that is enough, so that the next one keeps some
-/// room; the paper's method uses no more from rest.
-const REPLAN_VELOCITY_SCALING: f64 = 0.95;
-/// Fraction of the acceleration limits that a replan uses where that is enough.
-const REPLAN_ACCELERATION_SCALING: f64 = 0.9;
+/// Fractions of the limits that a replan uses where that is enough, so that the next one keeps some room; the
+/// paper's method uses no more from rest.
+pub(super) const REPLAN_SCALING: LimitScaling = LimitScaling { velocity: 0.95, acceleration: 0.9 };
 /// Braking after the catch uses this fraction of the acceleration limits when its duration is chosen; the
 /// spline needs room to ramp.
 pub(super) const BRAKING_ACCELERATION_FRACTION: f64 = 0.5;
@@ -54,11 +52,6 @@ impl LimitScaling {
 }
 
 impl MotionPlanner {
-    /// Scaling of the limits that leaves room for replans; used where it is enough.
-    pub(super) fn replan_scaling(&self) -> LimitScaling {
-        LimitScaling { velocity: REPLAN_VELOCITY_SCALING, acceleration: REPLAN_ACCELERATION_SCALING }
-    }
-
     /// Scaling of the limits for an arm in motion: all there is.
     pub(super) fn moving_scaling(&self) -> LimitScaling {
         LimitScaling { velocity: self.config.velocity_scaling, acceleration: 1.0 - ROUNDING }
@@ -143,14 +136,12 @@ impl MotionPlanner {
         failures: &FailureCounter,
     ) -> Option<BSpline> {
         let kind = &self.brake_spline;
-        let mut control_points = vec![JointVector::zeros(); kind.control_points()];
+        let mut control_points = vec![JointVector::zeros(); kind.control_points];
         for i in 0..self.robot.dof() {
             let limits = self.limits(i, state, self.moving_scaling());
             let start = JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] };
             let points = failures.solution(kind.solve(&start, &End::Rest, duration_s, &limits, 0.0))?;
-            for (row, point) in control_points.iter_mut().zip(points) {
-                row[i] = point;
-            }
+            set(&mut control_points, i, &points);
         }
         let knots_s = kind.knots.iter().map(|knot| start_s + knot * duration_s).collect();
         Some(BSpline { knots_s, control_points })
@@ -211,7 +202,7 @@ impl MotionPlanner {
     /// Limits of each joint for a motion from `start`.
     pub fn limits_from(&self, start: &Start) -> Vec<JointLimits> {
         let at_rest = start.state.dq == JointVector::zeros();
-        let scaling = if at_rest { self.replan_scaling() } else { self.moving_scaling() };
+        let scaling = if at_rest { REPLAN_SCALING } else { self.moving_scaling() };
         (0..self.robot.dof()).map(|i| self.limits(i, &start.state, scaling)).collect()
     }
 
@@ -239,15 +230,15 @@ impl MotionPlanner {
     /// limits: at knots and thrice between them.
     fn keeps_sampled_speeds(&self, spline: &BSpline) -> bool {
         let tables = || self.robot.joints.iter().enumerate().filter(|(_, joint)| joint.velocity_table.is_some());
-        (tables().next().is_none() && self.robot.max_hand_speed_mps.is_none())
-            || spline.spans().flat_map(|[from_s, to_s]| SPAN_SAMPLES.map(|by| from_s + by * (to_s - from_s))).all(
-                |time_s| {
-                    let [q, dq, _] = spline.evaluate(time_s);
-                    let most = self.config.velocity_scaling;
-                    tables().all(|(i, joint)| dq[i].abs() <= most * joint.max_speed(q[i], dq[i]))
-                        && self.hand_speed_left(&q, &dq) >= 1.0 - ROUNDING
-                },
-            )
+        let keeps = |time_s: f64| {
+            let [q, dq, _] = spline.evaluate(time_s);
+            let most = self.config.velocity_scaling;
+            tables().all(|(i, joint)| dq[i].abs() <= most * joint.max_speed(q[i], dq[i]))
+                && self.hand_speed_left(&q, &dq) >= 1.0 - ROUNDING
+        };
+        let mut times_s =
+            spline.spans().flat_map(|[from_s, to_s]| SPAN_SAMPLES.map(|by| from_s + by * (to_s - from_s)));
+        (tables().next().is_none() && self.robot.max_hand_speed_mps.is_none()) || times_s.all(keeps)
     }
 
     /// Factor by which the hand may be faster than at these velocities, with some room for the times between
@@ -276,21 +267,13 @@ impl MotionPlanner {
         self.clearance.least(&self.robot.link_poses(q), self.gripper.max_width_m) >= self.config.clearance_m
     }
 
-    /// Returns whether the arm and the object in its hand keep clear of the arm and of the floor all along a
-    /// motion.
-    pub(super) fn keeps_clear_with(&self, trajectory: &BSpline, grasp: Option<&Grasp>) -> bool {
-        let span_s = [trajectory.start_s(), trajectory.end_s()];
-        let held = grasp.map(|grasp| &grasp.held_G);
-        self.keeps_clear(trajectory, span_s, grasp.map_or(self.gripper.max_width_m, |it| it.object_width_m), held)
-    }
-
     /// Returns whether the arm and the object in its hand keep clear from one time until another, the gripper
     /// `width_m` open.
     ///
     /// At the sampled times, `clearance_m` is kept, and half of it between them: no two parts approach each
     /// other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being the largest extent of the arm and the held object beyond joint
     /// i. A clearance d stays above zero for a time of d over that speed.
-    fn keeps_clear(
+    pub(super) fn keeps_clear(
         &self,
         trajectory: &BSpline,
         [start_s, end_s]: [f64; 2],
@@ -333,6 +316,13 @@ fn differentiated(points: &[JointVector], knots_s: &[f64], degree: usize) -> Vec
         if span > 0.0 { (pair[1] - pair[0]) * (degree as f64 / span) } else { JointVector::zeros() }
     };
     points.windows(2).enumerate().map(one).collect()
+}
+
+/// Sets the control points of joint `i`.
+pub(super) fn set(points: &mut [JointVector], i: usize, joint: &JointPoints) {
+    for (point, value) in points.iter_mut().zip(joint) {
+        point[i] = *value;
+    }
 }
 
 /// State at the end of a motion.

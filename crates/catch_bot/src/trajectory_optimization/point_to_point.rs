@@ -13,7 +13,7 @@ use super::{
     CatchSplines, Incoming, MotionPlanner, Start,
     failure_counter::FailureCounter,
     joint_spline::{End, JointPoints, JointState, Onset},
-    motion::{BRAKING_ACCELERATION_FRACTION, LimitScaling},
+    motion::{BRAKING_ACCELERATION_FRACTION, LimitScaling, set},
     reachability::{Interval, ReachableSet},
     terminal_velocity::{FOLLOWING, TerminalVelocity, Weights, terminal_velocity},
 };
@@ -78,7 +78,7 @@ impl PointToPoint<'_> {
     /// fraction is not above `least`.
     pub fn best(&self, mut bounds: [Interval; MAX_JOINTS], least: f64) -> Option<Reached> {
         let dof = self.planner.robot.dof();
-        let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
+        let mut points = vec![JointVector::zeros(); self.splines.at.control_points];
         let last_speeds = self.speeds_that_withstand_impact();
         for (bound, last) in bounds.iter_mut().zip(&last_speeds) {
             *bound = bound.intersection(last);
@@ -110,9 +110,8 @@ impl PointToPoint<'_> {
     fn speeds_that_withstand_impact(&self) -> [Interval; MAX_JOINTS] {
         let robot = &self.planner.robot;
         let mut added = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
-        let mass_kg = self.planner.config.object_mass_kg;
-        if let Some((mass_kg, inertia)) =
-            mass_kg.and_then(|it| Some((it, self.failures.factor(robot.mass_matrix(&self.q).cholesky())?)))
+        if let Some(mass_kg) = self.planner.config.object_mass_kg
+            && let Some(inertia) = self.failures.factor(robot.mass_matrix(&self.q).cholesky())
         {
             let (angular, linear) = (self.jacobian.fixed_rows::<3>(0), self.jacobian.fixed_rows::<3>(3));
             for side in [-0.5, 0.5] {
@@ -140,7 +139,7 @@ impl PointToPoint<'_> {
 
     /// Splines for velocities that are known to be easy, `None` if they are not.
     pub fn splines_for(&self, terminal_velocity: &TerminalVelocity) -> Option<Vec<JointVector>> {
-        let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
+        let mut points = vec![JointVector::zeros(); self.splines.at.control_points];
         for i in 0..self.planner.robot.dof() {
             let joint = self.joint(i, terminal_velocity.dq[i], &UNLIMITED, None);
             set(&mut points, i, &self.failures.solution(joint)?);
@@ -221,12 +220,6 @@ fn speed_toward(velocities: &Interval, dq: f64) -> f64 {
 /// opposite ones, which have the same impulse.
 fn normals() -> impl Iterator<Item = Vector3<f64>> {
     (14..27).map(|i| Vector3::new(i % 3, i / 3 % 3, i / 9).map(|part| f64::from(part - 1)).normalize())
-}
-
-fn set(points: &mut [JointVector], i: usize, joint: &JointPoints) {
-    for (point, value) in points.iter_mut().zip(joint) {
-        point[i] = *value;
-    }
 }
 
 impl MotionPlanner {

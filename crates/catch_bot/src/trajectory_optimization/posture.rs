@@ -94,20 +94,16 @@ impl PostureFinder {
         ranges: &Ranges,
         thorough: bool,
     ) -> Vec<Posture> {
-        let alone = |q| Posture { q, elbow: None };
+        let alone = |found: Vec<JointVector>| found.into_iter().map(|q| Posture { q, elbow: None }).collect();
         let srs = match self {
             Self::Srs(srs) => srs,
-            Self::ParallelAxes(arm) => return arm.solutions(X_WG, from, ranges).iter().copied().map(alone).collect(),
-            Self::SphericalShoulder(arm) => {
-                return arm.solutions(X_WG, from, ranges, thorough).into_iter().map(alone).collect();
-            }
-            Self::Numerical => {
-                let find = if thorough { Robot::solutions_within } else { Robot::first_solutions_within };
-                return find(robot, X_WG, from, ranges).into_iter().map(alone).collect();
-            }
+            Self::ParallelAxes(arm) => return alone(arm.solutions(X_WG, from, ranges)),
+            Self::SphericalShoulder(arm) => return alone(arm.solutions(X_WG, from, ranges, thorough)),
+            Self::Numerical if thorough => return alone(robot.solutions_within(X_WG, from, ranges)),
+            Self::Numerical => return alone(robot.first_solutions_within(X_WG, from, ranges)),
         };
         let Some(circle) = srs.elbow_circle(X_WG) else { return Vec::new() };
-        let arcs = srs.swivels(&circle, &first_seven(ranges));
+        let arcs = srs.swivels(&circle, ranges);
         let mut found = Vec::with_capacity(arcs.len() * FRACTIONS_OF_ARC.len());
         for (branch, arc) in arcs {
             found.extend(FRACTIONS_OF_ARC.map(|fraction| {
@@ -130,11 +126,8 @@ impl PostureFinder {
                 each.into_iter().min_by(|a, b| far(a).total_cmp(&far(b)))
             }
             _ => {
-                let ranges = std::array::from_fn(|i| {
-                    robot.joints.get(i).map_or([0.0; 2], |joint| [joint.limits.lower, joint.limits.upper])
-                });
                 let along = if by == 0.0 { JointVector::zeros() } else { robot.self_motion(&known.q)? };
-                let q = robot.nearby_solution(X_WG, &(known.q + along * by), &ranges)?;
+                let q = robot.nearby_solution(X_WG, &(known.q + along * by), &robot.joint_ranges())?;
                 Some(Posture { q, elbow: None })
             }
         }
@@ -146,11 +139,6 @@ impl PostureFinder {
         let swivel = swivel.clamp(elbow.arc[0], elbow.arc[1]);
         Some(posture_at(srs, &srs.elbow_circle(X_WG)?, Elbow { swivel, ..elbow }))
     }
-}
-
-/// The ranges of the seven joints of an S-R-S arm.
-pub fn first_seven(ranges: &Ranges) -> [[f64; 2]; 7] {
-    std::array::from_fn(|i| ranges[i])
 }
 
 fn posture_at(srs: &SrsArm, circle: &ElbowCircle, elbow: Elbow) -> Posture {

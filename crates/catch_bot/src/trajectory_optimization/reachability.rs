@@ -32,12 +32,6 @@ impl Interval {
         (self.high - self.low) / 2.0
     }
 
-    /// Interval of the values times `factor`.
-    pub fn scaled(&self, factor: f64) -> Self {
-        let ends = [factor * self.low, factor * self.high];
-        Self { low: ends[0].min(ends[1]), high: ends[0].max(ends[1]) }
-    }
-
     /// Returns whether the interval is empty.
     pub fn is_empty(&self) -> bool {
         self.low > self.high

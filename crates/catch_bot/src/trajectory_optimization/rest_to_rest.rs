@@ -40,7 +40,9 @@ impl MotionPlanner {
                 }
             };
             if self.keeps_limits(&motion) && self.keeps_torque(&motion) {
-                return self.keeps_clear_with(&motion, grasp).then_some(motion);
+                let width_m = grasp.map_or(self.gripper.max_width_m, |it| it.object_width_m);
+                let span_s = [motion.start_s(), motion.end_s()];
+                return self.keeps_clear(&motion, span_s, width_m, grasp.map(|it| &it.held_G)).then_some(motion);
             }
             stretched *= SLOWER;
         }

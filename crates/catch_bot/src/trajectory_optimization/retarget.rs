@@ -7,8 +7,12 @@ use catch_body::{
 use nalgebra::{Point3, SMatrix, Vector3, Vector6};
 
 use super::{
-    CatchPlan, CatchSearch, Incoming, MIN_LEAD_S, Start, motion::LimitScaling, point_to_point::PointToPoint,
-    posture::Posture, search::ReachableCatch, swept_volume::Entering,
+    CatchPlan, CatchSearch, Incoming, MIN_LEAD_S, Start,
+    motion::{LimitScaling, REPLAN_SCALING},
+    point_to_point::PointToPoint,
+    posture::Posture,
+    search::ReachableCatch,
+    swept_volume::Entering,
 };
 use crate::{
     grasp_selection::{Grasp, Passing},
@@ -81,8 +85,7 @@ impl CatchSearch {
     pub fn retarget(&self, to: &Correction) -> Option<CatchPlan> {
         // The next replan can use the part of the limits that a motion leaves: more is taken only where less
         // is not enough.
-        let scaling =
-            [0.0, 0.5, 1.0].map(|more| self.motion.replan_scaling().toward(self.motion.moving_scaling(), more));
+        let scaling = [0.0, 0.5, 1.0].map(|more| REPLAN_SCALING.toward(self.motion.moving_scaling(), more));
         let found = scaling.iter().find_map(|scaling| self.adjusted(to, &to.X_WG(), *scaling, &ARM_ANGLES_RAD))?;
         let found = self.opened(found, to);
         // A joint at the end of its reach has but one velocity there, so that the hand cannot follow the
@@ -226,9 +229,8 @@ impl CatchSearch {
         let takes_s = fingers.duration_s((aperture_m - had_m).abs())
             + fingers.duration_s(aperture_m - plan.grasp.object_width_m)
             + SETTLING_S;
-        if to.start.time_s + takes_s > plan.catch_s {
-            return CatchPlan { aperture_m: had_m, approach_is_free: false, ..plan };
-        }
-        CatchPlan { aperture_m, approach_is_free: aperture.is_some(), ..plan }
+        let is_late = to.start.time_s + takes_s > plan.catch_s;
+        let (aperture_m, approach_is_free) = if is_late { (had_m, false) } else { (aperture_m, aperture.is_some()) };
+        CatchPlan { aperture_m, approach_is_free, ..plan }
     }
 }

@@ -91,15 +91,7 @@ impl CatchSearch {
     /// # Errors
     /// Why there is none.
     pub fn search(&self, start: &Start, incoming: &Incoming) -> Result<CatchPlan, PlanningFailure> {
-        let mut search = self.begin(start, incoming, self.departure_s(start));
-        let mut failure = PlanningFailure::NoGrasp;
-        for pass in 0..PASSES {
-            match Pass::new(self, &mut search, pass).run(usize::MAX) {
-                Err(why) => failure = failure.max(why),
-                found => return found,
-            }
-        }
-        Err(failure)
+        self.run_passes(&mut 0, (start, incoming), self.departure_s(start), usize::MAX)
     }
 
     /// Runs as many passes of the [search](Self::search) as a bounded amount of work allows, from number
@@ -117,10 +109,22 @@ impl CatchSearch {
         incoming: &Incoming,
         departure_s: Option<f64>,
     ) -> Result<CatchPlan, PlanningFailure> {
-        let mut search = self.begin(start, incoming, departure_s);
+        self.run_passes(pass, (start, incoming), departure_s, MAX_WORK)
+    }
+
+    fn run_passes(
+        &self,
+        pass: &mut usize,
+        (start, incoming): (&Start, &Incoming),
+        departure_s: Option<f64>,
+        most_work: usize,
+    ) -> Result<CatchPlan, PlanningFailure> {
+        let obstacles = vec![Obstacle::default(); incoming.grasps.grasps.len()];
+        let reach = self.reach_map.as_deref().zip(departure_s).map(|(map, departure_s)| Reach { map, departure_s });
+        let mut search = Search { start, incoming, reach, obstacles, work: 0 };
         let mut failure = PlanningFailure::NoGrasp;
         for _ in 0..PASSES {
-            let left = MAX_WORK.saturating_sub(search.work);
+            let left = most_work.saturating_sub(search.work);
             if left == 0 {
                 break;
             }
@@ -131,13 +135,6 @@ impl CatchSearch {
             *pass += 1;
         }
         Err(failure)
-    }
-
-    fn begin<'a>(&'a self, start: &'a Start, incoming: &'a Incoming<'a>, departure_s: Option<f64>) -> Search<'a> {
-        let obstacles = vec![Obstacle::default(); incoming.grasps.grasps.len()];
-        let reach = self.reach_map.as_deref().zip(departure_s);
-        let reach = reach.map(|(map, departure_s)| Reach { map, departure_s });
-        Search { start, incoming, reach, obstacles, work: 0 }
     }
 
     /// Cost that rates how well an object will be held: its grasp's heuristics, its velocity relative to the
@@ -184,7 +181,8 @@ impl CatchSearch {
         let trajectory =
             self.motion.through(point_to_point.start.time_s, reachable.catch_s, control_points, incoming.failures)?;
         let ReachableCatch { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost, still_cost } = *reachable;
-        let spin_radps = terminal_velocity.w_WG.norm();
+        let passing = (&X_WG, still_cost);
+        let holding_cost = self.holding_cost_moving(incoming, passing, &point_to_point.v_WO, &terminal_velocity);
         Some(CatchPlan {
             catch_s,
             grasp: grasp.clone(),
@@ -195,15 +193,10 @@ impl CatchSearch {
             approach_is_free: false,
             elbow,
             speed_fraction: terminal_velocity.speed_fraction,
-            spin_radps,
+            spin_radps: terminal_velocity.w_WG.norm(),
             weights: point_to_point.weights,
             cost,
-            holding_cost: self.holding_cost_moving(
-                incoming,
-                (&X_WG, still_cost),
-                &point_to_point.v_WO,
-                &terminal_velocity,
-            ),
+            holding_cost,
             trajectory,
         })
     }

@@ -335,11 +335,8 @@ pub(super) fn refine(
     let (x, factor) = model.solved(rows, scale, correlated.as_mut())?;
     let inverse = factor.inverse();
     let of_correlated = correlated.map_or_else(SMatrix::zeros, |it| it.covariance(&inverse));
-    if !x.iter().all(|value| value.is_finite()) {
-        return None;
-    }
-    model.put(flight, &x, &(inverse + of_correlated), &newest);
-    Some(())
+    let is_finite = x.iter().all(|value| value.is_finite());
+    is_finite.then(|| model.put(flight, &x, &(inverse + of_correlated), &newest))
 }
 
 /// Deviation E with which the drag matrix k·1 + E brakes in all directions: a body that air drove would soon

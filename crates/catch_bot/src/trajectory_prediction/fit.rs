@@ -72,11 +72,8 @@ pub(super) fn fit(
     let (inertia, forces) = (inertia_per_kg(symmetry), start.forces);
     let problem = Problem { poses, newest_s, symmetry, inertia, forces, freedom, config };
     let (state, scale, agreeing) = problem.minimized(State::of(start, newest_s, config), scratch)?;
-    let flight = if problem.turns() {
-        problem.flight::<N>(&state, scale, scratch)
-    } else {
-        problem.flight::<TURN>(&state, scale, scratch)
-    };
+    let describe = if problem.turns() { Problem::flight::<N> } else { Problem::flight::<TURN> };
+    let flight = describe(&problem, &state, scale, scratch);
     Ok((flight.ok_or(PredictionStatus::NotConverged)?, agreeing))
 }
 
@@ -171,14 +168,10 @@ impl Problem<'_> {
             let mut row = Row {
                 age_s: self.newest_s - pose.capture_s,
                 p_W: X_WO.translation.vector,
-                turn: Vector3::zeros(),
                 shift: X_WO.translation.vector - motion.p - pushed_m,
-                by_rotation: SMatrix::zeros(),
                 by_motion: motion.dp,
-                turns: Matrix3::zeros(),
-                mixed: Matrix3::zeros(),
                 shifts: pose.information.fixed_view::<3, 3>(3, 3).into_owned(),
-                square: 0.0,
+                ..Row::default()
             };
             if turns {
                 row.turn = self.symmetry.turn_between(&tumbling.R_WO, &X_WO.rotation);
@@ -222,10 +215,7 @@ impl Problem<'_> {
         squares.clear();
         squares.extend(rows.iter().map(|row| row.square / self.freedom));
         let middle = good.min(squares.len()) / 2;
-        if squares.is_empty() {
-            return 1.0;
-        }
-        squares.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt()
+        if squares.is_empty() { 1.0 } else { squares.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt() }
     }
 
     /// The flight of a fitted state, with its covariance and the scale of the errors. Errors that poses have

@@ -1,5 +1,7 @@
 //! Propagation of a flight: gravity, quadratic drag and free rotation.
 
+use std::ops::AddAssign;
+
 use catch_body::{
     Pose, Twist,
     dynamics::gravity,
@@ -205,12 +207,9 @@ impl FlightTrajectory {
                 + by_turn * self.turn_covariance_after(time_s - self.time_s) * by_turn.transpose();
             let crossed =
                 transition.fixed_columns::<6>(0) * self.com_covariance.fixed_rows::<6>(0) * by_com.transpose();
-            let mut of_position = covariance.fixed_columns_mut::<3>(0);
-            of_position += crossed;
-            let mut of_position = covariance.fixed_rows_mut::<3>(0);
-            of_position += crossed.transpose();
-            let mut of_position = covariance.fixed_view_mut::<3, 3>(0, 0);
-            of_position += own;
+            covariance.fixed_columns_mut::<3>(0).add_assign(crossed);
+            covariance.fixed_rows_mut::<3>(0).add_assign(crossed.transpose());
+            covariance.fixed_view_mut::<3, 3>(0, 0).add_assign(own);
         }
         if self.process_noise.any() {
             covariance += self.process_noise.covariance(time_s - self.time_s);

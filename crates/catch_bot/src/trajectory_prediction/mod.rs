@@ -236,21 +236,15 @@ impl InformationFit {
         }
         // A fit that has gone astray stays so, however good the poses are by now.
         let anew = ransac::best_flight(window, symmetry, Sampling { seed: *seed, ..Sampling::OURS }, config, sampling)
-            .and_then(|start| {
-                if !enough(start.inliers) {
-                    return Err(PredictionStatus::NoAgreement);
-                }
-                fit::fit(fitted, &start, symmetry, config, fitting).map(|(flight, _)| flight)
+            .and_then(|start| match enough(start.inliers) {
+                true => fit::fit(fitted, &start, symmetry, config, fitting).map(|(flight, _)| flight),
+                false => Err(PredictionStatus::NoAgreement),
             });
-        match (known, anew) {
-            (Some(known), Ok(anew))
-                if anew.inliers <= known.inliers && anew.error_scale > MUCH_BETTER * known.error_scale =>
-            {
-                Ok(known)
-            }
-            (Some(known), Err(_)) => Ok(known),
-            (_, anew) => anew,
-        }
+        let Some(known) = known else { return anew };
+        let is_no_better = |anew: &FlightTrajectory| {
+            anew.inliers <= known.inliers && anew.error_scale > MUCH_BETTER * known.error_scale
+        };
+        Ok(anew.ok().filter(|anew| !is_no_better(anew)).unwrap_or(known))
     }
 }
 

@@ -238,15 +238,12 @@ fn agreement(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetr
     Agreement { inliers, mean_square_m2: squares / inliers.max(1) as f64, sum }
 }
 
-/// Largest distance from a flight of a pose that agrees with it, in metres.
+/// Largest distance from a flight of a pose that agrees with it, in metres: three standard deviations of the
+/// pose's position over all directions.
 pub(super) fn reach_m(pose: &ObjectPose) -> f64 {
-    INLIER_M.max(3.0 * position_sd(pose))
-}
-
-/// A pose's standard deviation of position over all directions, for judging whether it is an outlier.
-fn position_sd(pose: &ObjectPose) -> f64 {
     let information: f64 = (3..6).map(|i| pose.information[(i, i)]).sum();
-    if information > 0.0 { 3.0 / information.sqrt() } else { 0.0 }
+    let sd_m = if information > 0.0 { 3.0 / information.sqrt() } else { 0.0 };
+    INLIER_M.max(3.0 * sd_m)
 }
 
 /// Returns whether all numbers of a pose are finite.

@@ -1,7 +1,10 @@
 //! Closing of a gripper.
 
-use catch_body::Gripper;
-use catch_bot::grasp_selection::{Closing, Config, Fingers};
+use catch_body::{
+    Gripper,
+    gripper::{Closing, Fingers},
+};
+use catch_bot::grasp_selection::Config;
 use proptest::prelude::*;
 
 proptest! {

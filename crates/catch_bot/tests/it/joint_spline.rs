@@ -17,10 +17,7 @@ const MOVING: Ends = Ends { start_acceleration: true, end: EndKind::At };
 fn as_spline(spline: &JointSpline, points: &[f64], duration_s: f64) -> BSpline {
     BSpline {
         knots_s: spline.knots.iter().map(|knot| knot * duration_s).collect(),
-        control_points: points[..spline.control_points()]
-            .iter()
-            .map(|&value| JointVector::from_element(value))
-            .collect(),
+        control_points: points[..spline.control_points].iter().map(|&value| JointVector::from_element(value)).collect(),
     }
 }
 

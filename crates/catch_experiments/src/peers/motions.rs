@@ -37,7 +37,7 @@ pub fn problems(options: &Options, _: &Path) -> Result<Value> {
         "upper_rad": limit(|it| it.upper),
         "velocity_radps": limit(|it| it.velocity),
         "acceleration_radps2": limit(|it| it.acceleration),
-        "control_points": splines.at.control_points(),
+        "control_points": splines.at.control_points,
         "samples": SAMPLES,
         "cases": cases.collect::<Option<Vec<_>>>().context("a plan that ends before it begins")?,
     }))
@@ -74,7 +74,7 @@ fn case(robot: &Robot, splines: &CatchSplines, plan: &CatchPlan) -> Option<Value
         let point = |k: usize| JointVector::from_fn(|i, _| joints.get(i).map_or(0.0, |points| points[k]));
         let spline = BSpline {
             knots_s: splines.at.knots.iter().map(|knot| knot * duration_s).collect(),
-            control_points: (0..splines.at.control_points()).map(point).collect(),
+            control_points: (0..splines.at.control_points).map(point).collect(),
         };
         let at = |k: usize| spline.evaluate(duration_s * k as f64 / (SAMPLES - 1) as f64).map(|it| values(robot, &it));
         (0..SAMPLES).map(at).collect::<Vec<_>>()

@@ -17,7 +17,7 @@ const POSES: usize = 1000;
 pub fn problems(options: &Options, folder: &Path) -> Result<Value> {
     let robot = arm()?;
     let finder = PostureFinder::new(&robot);
-    let ranges = std::array::from_fn(|i| robot.joints.get(i).map_or([0.0; 2], |it| [it.limits.lower, it.limits.upper]));
+    let ranges = robot.joint_ranges();
     let mut draws = Draws::new(Stream::Brain, options.seed, 1);
     let cases = (0..POSES).map(|_| {
         let [q, start] = [(), ()].map(|()| any_posture(&robot, &mut draws));

@@ -1,10 +1,12 @@
 //! The surface of an object of which there is only a scan, a point cloud without faces.
 
-use std::collections::HashSet;
-
-use catch_body::{InputError, TriangleMesh, neighbours::bounds, shape::Cuboid};
+use catch_body::{
+    InputError, TriangleMesh,
+    neighbours::{bounds, first_in_cubes},
+    shape::Cuboid,
+};
 use catch_bot::perception::ReferenceModel;
-use nalgebra::{Point3, Vector3};
+use nalgebra::Vector3;
 
 use super::normal_signs::orient;
 use crate::{
@@ -68,9 +70,7 @@ pub(super) fn between(
 /// Thins a cloud to one point per cube of the edge [`SPACING_M`]: where points lie much closer than others
 /// their noise would bend the surface.
 fn thinned(cloud: CloudFile) -> CloudFile {
-    let mut known = HashSet::new();
-    let cube = |it: &Point3<f64>| <[i64; 3]>::from(it.coords.map(|value| (value / SPACING_M).floor() as i64));
-    let kept: Vec<usize> = (0..cloud.points.len()).filter(|i| known.insert(cube(&cloud.points[*i]))).collect();
+    let kept: Vec<usize> = first_in_cubes(&cloud.points, SPACING_M).collect();
     CloudFile {
         points: kept.iter().map(|&i| cloud.points[i]).collect(),
         normals: cloud.normals.map(|normals| kept.iter().map(|&i| normals[i]).collect()),

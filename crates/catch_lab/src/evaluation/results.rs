@@ -59,20 +59,21 @@ impl Results {
     pub fn open(folder: &Path, evaluation: &Evaluation, resume: bool) -> Result<(Self, Vec<Row>), InputError> {
         let identity = evaluation.identity();
         let lock = WorkLock::take(folder)?;
-        if folder.join(IDENTITY_FILE).exists() {
+        let identity_file = folder.join(IDENTITY_FILE);
+        if identity_file.exists() {
             if !resume {
                 let found = format!("`{}`, which holds results", folder.display());
                 let expected = "--resume to go on with them, or another folder";
                 return Err(InputError::new(COMMAND_LINE, "--out", found, expected));
             }
-            check_identity(&folder.join(IDENTITY_FILE), &identity)?;
+            compare(&identity_file.display().to_string(), &read_identity(&identity_file)?, &identity)?;
         } else if let Some(file) = [TRIALS_FILE, REPORT_FILE].into_iter().find(|it| folder.join(it).exists()) {
             let found = format!("`{}`, which holds {file}", folder.display());
             let expected =
                 format!("a folder that also has {IDENTITY_FILE}, which says what these rows are of, or an empty one");
             return Err(InputError::new(COMMAND_LINE, "--out", found, expected));
         } else {
-            whole_file::write(&folder.join(IDENTITY_FILE), identity_text(&identity)?)?;
+            whole_file::write(&identity_file, identity_text(&identity)?)?;
         }
         let path = folder.join(TRIALS_FILE);
         let (rows, bytes) = read_rows(&path, &identity)?;
@@ -182,10 +183,6 @@ pub fn is_in(folder: &Path) -> bool {
 fn read_identity(path: &Path) -> Result<Identity, InputError> {
     let file = path.display().to_string();
     InputError::parse_toml(&file, &FileKind::text("a folder of results").read_text(path)?)
-}
-
-fn check_identity(path: &Path, identity: &Identity) -> Result<(), InputError> {
-    compare(&path.display().to_string(), &read_identity(path)?, identity)
 }
 
 fn compare(file: &str, found: &Identity, identity: &Identity) -> Result<(), InputError> {

@@ -10,7 +10,7 @@ use std::{
 };
 
 use catch_body::InputError;
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use crate::{evaluation::Row, referee::LEADS_S};
 use catch_recording::whole_file::replace;
@@ -149,15 +149,9 @@ pub struct Column {
 
 /// The columns of the table of these rows.
 pub fn columns(rows: &[Row]) -> Vec<Column> {
-    let maps: Vec<Map<String, Value>> = rows
-        .iter()
-        .map(|row| match serde_json::to_value(row) {
-            Ok(Value::Object(map)) => map,
-            _ => Map::new(),
-        })
-        .collect();
-    let of = |pick: &dyn Fn(&Map<String, Value>) -> Option<&Value>| -> Vec<Value> {
-        maps.iter().map(|map| pick(map).cloned().unwrap_or_default()).collect()
+    let rows: Vec<Value> = rows.iter().map(|row| serde_json::to_value(row).unwrap_or_default()).collect();
+    let of = |pick: &dyn Fn(&Value) -> Option<&Value>| -> Vec<Value> {
+        rows.iter().map(|row| pick(row).cloned().unwrap_or_default()).collect()
     };
     let mut columns = Vec::new();
     for &(field, kind) in COLUMNS {
@@ -165,21 +159,21 @@ pub fn columns(rows: &[Row]) -> Vec<Column> {
         match field {
             REACH => {
                 for part in REACHES {
-                    add(format!("{field}_{part}"), of(&|map| map.get(field)?.get(part)));
+                    add(format!("{field}_{part}"), of(&|row| row.get(field)?.get(part)));
                 }
             }
             CONDITIONS => {
                 for (name, at) in DRAWN {
-                    add((*name).to_owned(), of(&|map| map.get(field)?.pointer(at)));
+                    add((*name).to_owned(), of(&|row| row.get(field)?.pointer(at)));
                 }
             }
             PREDICTIONS => {
                 for (i, lead_s) in LEADS_S.iter().enumerate() {
                     let name = format!("prediction_error_{:.0}ms_before_m", lead_s * 1e3);
-                    add(name, of(&|map| map.get(field)?.get(i)));
+                    add(name, of(&|row| row.get(field)?.get(i)));
                 }
             }
-            _ => add(field.to_owned(), of(&|map| map.get(field))),
+            _ => add(field.to_owned(), of(&|row| row.get(field))),
         }
     }
     columns

@@ -103,7 +103,6 @@ fn with_unmeasured(
     oriented: bool,
 ) -> (ParameterVector, ParameterCovariance) {
     let own = broad.covariance();
-    let block = |at: usize| (at, at);
     if oriented {
         let lift = own.fixed_view::<3, 3>(LIFT_AT, LIFT_AT).into_owned();
         covariance.fixed_view_mut::<3, 3>(LIFT_AT, LIFT_AT).copy_from(&lift);
@@ -112,7 +111,7 @@ fn with_unmeasured(
     // Throws spin about any axis.
     let lift =
         (covariance.fixed_view::<3, 3>(LIFT_AT, LIFT_AT).trace() + mean.fixed_rows::<3>(LIFT_AT).norm_squared()) / 3.0;
-    let (drag, variance) = (mean[DRAG_AT], covariance[block(DRAG_AT)]);
+    let (drag, variance) = (mean[DRAG_AT], covariance[(DRAG_AT, DRAG_AT)]);
     let by_direction = own.fixed_view::<3, 3>(DRAG_AT, DRAG_AT).into_owned();
     let by_direction = by_direction.add_scalar(-by_direction.sum() / 9.0);
     (mean, covariance) = (broad.mean(), own);

@@ -39,19 +39,9 @@ impl Throw {
     }
 }
 
-/// Part of a throw that is seen before its end is predicted.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Seen {
-    /// Half of its time.
-    Half,
-    /// All but that many seconds.
-    AllBut(f64),
-}
-
-impl Seen {
-    /// All parts for which errors are reported.
-    pub const ALL: [Self; 4] = [Self::Half, Self::AllBut(0.3), Self::AllBut(0.2), Self::AllBut(0.1)];
-}
+/// Seconds of a throw that are left when its end is predicted, for each error that is reported; `None` is
+/// half of its time.
+pub const LEFT_S: [Option<f64>; 4] = [None, Some(0.3), Some(0.2), Some(0.1)];
 
 /// A predicted end against the recorded one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,14 +62,9 @@ impl Miss {
             (self.error.dot(&factor.solve(&self.error)), log_determinant)
         })
     }
-
-    /// Squared Mahalanobis distance by the predicted covariance.
-    pub fn mahalanobis2(&self) -> f64 {
-        self.measures(0.0).0
-    }
 }
 
-/// Misses by how much was seen, in the order of [`Seen::ALL`].
+/// Misses by how much was seen, in the order of [`LEFT_S`].
 pub type Misses = [Vec<Option<Miss>>; 4];
 
 /// The misses of objects by their names, and of all together if there are several.
@@ -103,10 +88,8 @@ impl Throw {
     pub fn flights(&self, known: Option<&Arc<FlightPrior>>, near: Option<&[Option<Flight>; 4]>) -> [Option<Flight>; 4] {
         std::array::from_fn(|at| {
             let (first, last) = (self.samples.first()?, self.samples.last()?);
-            let until_s = match Seen::ALL[at] {
-                Seen::Half => f64::midpoint(first.time_s, last.time_s),
-                Seen::AllBut(left_s) => last.time_s - left_s,
-            };
+            let half_s = f64::midpoint(first.time_s, last.time_s);
+            let until_s = LEFT_S[at].map_or(half_s, |left_s| last.time_s - left_s);
             let seen = &self.samples[..self.samples.partition_point(|it| it.time_s <= until_s)];
             let near = near.and_then(|it| it[at].as_ref());
             predict_near(seen, &self.up, known.cloned(), near).flight
@@ -148,7 +131,7 @@ impl Reliability {
             errors.get(index.min(errors.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
         };
         let covered = QUANTILES.map(|(_, limit)| {
-            made.iter().filter(|miss| miss.mahalanobis2() <= limit).count() as f64 / made.len() as f64
+            made.iter().filter(|miss| miss.measures(0.0).0 <= limit).count() as f64 / made.len() as f64
         });
         let (throws, failed) = (misses.len(), misses.len() - made.len());
         Self { throws, failed, median_m: at(0.5), p95_m: at(0.95), covered }

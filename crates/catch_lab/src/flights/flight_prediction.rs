@@ -58,12 +58,6 @@ pub struct FlightPrediction {
     pub flight: Option<Flight>,
 }
 
-impl FlightPrediction {
-    fn none(status: FlightStatus) -> Self {
-        Self { status, contact_s: None, flight: None }
-    }
-}
-
 /// Largest noise, in metres, and least fraction of sightings that agree, of a plausible flight.
 const MOST_NOISE_M: f64 = 0.02;
 const LEAST_AGREEING: f64 = 0.5;
@@ -112,7 +106,7 @@ pub fn predict_near(
     if seen.len() < LEAST_SIGHTINGS {
         let stands = rows.len() >= LEAST_SIGHTINGS && !seen.is_empty();
         let status = if stands { FlightStatus::NoGravity } else { FlightStatus::TooFewSightings };
-        return FlightPrediction::none(status);
+        return FlightPrediction { status, contact_s: None, flight: None };
     }
     let priors = priors(known, seen.iter().any(|it| it.rotation.is_some()));
     let g = up.into_inner() * -gravity().norm();
@@ -128,7 +122,7 @@ pub fn predict_near(
             Err(why) => status = why,
         }
     }
-    FlightPrediction::none(status)
+    FlightPrediction { status, contact_s: None, flight: None }
 }
 
 /// Returns whether the rows may be those of a falling object.

@@ -55,7 +55,7 @@ pub fn read(path: &Path) -> Result<(Vec<Sighting>, f64), InputError> {
 /// As [`read`].
 pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError> {
     let mut sightings: Vec<Sighting> = Vec::new();
-    let (mut columns, mut end_s): (Option<Columns>, f64) = (None, f64::NEG_INFINITY);
+    let (mut columns, mut end_s): (Option<Vec<usize>>, f64) = (None, f64::NEG_INFINITY);
     // The row before, and its line: recorders repeat rows.
     let mut before = (0, "");
     for (number, line) in text.lines().enumerate() {
@@ -67,18 +67,18 @@ pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError>
         let cells: Vec<&str> = line.split(',').map(str::trim).collect();
         let numbers: Vec<Option<f64>> = cells.iter().map(|cell| number_of(cell)).collect();
         if columns.is_none() && numbers.iter().all(Option::is_none) {
-            columns = Some(Columns::of_header(file, number + 1, &cells)?);
+            columns = Some(named_columns(file, number + 1, &cells)?);
             continue;
         }
-        let columns = columns.get_or_insert_with(|| Columns::unnamed(cells.len()));
-        let count = columns.0.len();
+        let columns = columns.get_or_insert_with(|| (0..cells.len()).collect());
+        let count = columns.len();
         if !matches!(count, 4 | 8) || count != cells.len() {
             return Err(InputError::new(file, field, format!("{} columns", cells.len()), EXPECTED));
         }
         if let Some(word) = cells.iter().zip(&numbers).find(|(_, number)| number.is_none()) {
             return Err(InputError::new(file, field, format!("`{}`", word.0), "a number"));
         }
-        let values: Vec<f64> = columns.0.iter().filter_map(|at| numbers[*at]).collect();
+        let values: Vec<f64> = columns.iter().filter_map(|at| numbers[*at]).collect();
         let time_s = values[0];
         if !time_s.is_finite() {
             continue;
@@ -121,29 +121,21 @@ const FARTHEST: f64 = 1e100;
 const EXPECTED: &str =
     "t,x,y,z or t,x,y,z,qx,qy,qz,qw with commas between, in another order below a header with these names";
 
-/// Columns of the time, the position and the quaternion x, y, z, w in a row.
-struct Columns(Vec<usize>);
-
-impl Columns {
-    fn unnamed(count: usize) -> Self {
-        Self((0..count).collect())
+/// The columns of the time, the position and the quaternion x, y, z, w that a header names: each is one that
+/// is read, under a name that others give it.
+fn named_columns(file: &str, line: usize, header: &[&str]) -> Result<Vec<usize>, InputError> {
+    let document = Document::from_columns(file, line, header)?;
+    let found: Option<Vec<usize>> = PLACES.iter().map(|it| document.column(it)).collect();
+    let turned: Vec<Option<usize>> = ROTATION.iter().map(|it| document.column(it)).collect();
+    document.finish(&[]).map_err(|fault| InputError { expected: EXPECTED.to_owned(), ..fault })?;
+    let wrong = || InputError::new(file, format!("line {line}"), format!("columns {}", header.join(",")), EXPECTED);
+    let mut columns = found.ok_or_else(wrong)?;
+    match turned.iter().flatten().count() {
+        0 => {}
+        4 => columns.extend(turned.into_iter().flatten()),
+        _ => return Err(wrong()),
     }
-
-    /// The columns that a header names: each is one that is read, under a name that others give it.
-    fn of_header(file: &str, line: usize, header: &[&str]) -> Result<Self, InputError> {
-        let document = Document::from_columns(file, line, header)?;
-        let found: Option<Vec<usize>> = PLACES.iter().map(|it| document.column(it)).collect();
-        let turned: Vec<Option<usize>> = ROTATION.iter().map(|it| document.column(it)).collect();
-        document.finish(&[]).map_err(|fault| InputError { expected: EXPECTED.to_owned(), ..fault })?;
-        let wrong = || InputError::new(file, format!("line {line}"), format!("columns {}", header.join(",")), EXPECTED);
-        let mut columns = found.ok_or_else(wrong)?;
-        match turned.iter().flatten().count() {
-            0 => {}
-            4 => columns.extend(turned.into_iter().flatten()),
-            _ => return Err(wrong()),
-        }
-        Ok(Self(columns))
-    }
+    Ok(columns)
 }
 
 /// Names of the time and of the place, in seconds and metres.

@@ -172,7 +172,7 @@ impl<'a> Oracle<'a> {
 /// Joint positions of an S-R-S arm within `ranges`, all over its redundancy.
 fn swivelled(srs: &SrsArm, X_WG: &Pose, ranges: &Ranges) -> impl Iterator<Item = JointVector> {
     srs.elbow_circle(X_WG).into_iter().flat_map(move |circle| {
-        let arcs = srs.swivels(&circle, &std::array::from_fn(|i| ranges[i]));
+        let arcs = srs.swivels(&circle, ranges);
         arcs.into_iter().flat_map(move |(branch, [low, high])| {
             (0..SWIVELS).map(move |i| {
                 let fraction = (i as f64 + 0.5) / SWIVELS as f64;

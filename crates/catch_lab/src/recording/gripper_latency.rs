@@ -9,9 +9,11 @@
 
 use std::path::{Path, PathBuf};
 
-use catch_body::InputError;
-use catch_body::statistics::{quantile, sorted};
-use catch_bot::grasp_selection::Closing;
+use catch_body::{
+    InputError,
+    gripper::Closing,
+    statistics::{quantile, sorted},
+};
 use catch_cell::{Command, GripperQueue};
 use serde::Serialize;
 

@@ -242,7 +242,7 @@ impl Proof<'_> {
                 let varied: f64 = (0..MAX_JOINTS).map(|k| half[k] * columns[i.max(k)]).sum();
                 let along = lambda.dot(&middle.J.fixed_view::<3, 1>(3, i));
                 let fastest = bounds[i].low.abs().max(bounds[i].high.abs());
-                bounds[i].scaled(along).high + varied * lambda.norm() * fastest
+                scaled(&bounds[i], along).high + varied * lambda.norm() * fastest
             })
             .sum();
         let faster = flown.acceleration * half[TIME] * lambda.norm();
@@ -250,12 +250,18 @@ impl Proof<'_> {
     }
 }
 
+/// Interval of the values times `factor`.
+fn scaled(values: &Interval, factor: f64) -> Interval {
+    let ends = [factor * values.low, factor * values.high];
+    Interval { low: ends[0].min(ends[1]), high: ends[0].max(ends[1]) }
+}
+
 /// Narrows unknowns to where `Σ rowᵢ·xᵢ + rest` can be zero; `None` if nowhere.
 fn narrow(row: &[f64; UNKNOWNS], rest: Interval, unknowns: &mut [Interval; UNKNOWNS]) -> Option<()> {
     /// Coefficients below this are no help.
     const SMALL: f64 = 1e-6;
     const ROUNDING: f64 = 1e-12;
-    let terms: [Interval; UNKNOWNS] = std::array::from_fn(|i| unknowns[i].scaled(row[i]));
+    let terms: [Interval; UNKNOWNS] = std::array::from_fn(|i| scaled(&unknowns[i], row[i]));
     let low: f64 = rest.low + terms.iter().map(|it| it.low).sum::<f64>();
     let high: f64 = rest.high + terms.iter().map(|it| it.high).sum::<f64>();
     if low > 0.0 || high < 0.0 {
@@ -264,7 +270,7 @@ fn narrow(row: &[f64; UNKNOWNS], rest: Interval, unknowns: &mut [Interval; UNKNO
     for ((coefficient, term), unknown) in row.iter().zip(&terms).zip(unknowns) {
         if coefficient.abs() > SMALL {
             // Interval that all other unknowns leave to it.
-            let left = Interval { low: term.high - high, high: term.low - low }.scaled(1.0 / coefficient);
+            let left = scaled(&Interval { low: term.high - high, high: term.low - low }, 1.0 / coefficient);
             *unknown = unknown.intersection(&Interval { low: left.low - ROUNDING, high: left.high + ROUNDING });
             if unknown.is_empty() {
                 return None;

@@ -2,7 +2,7 @@
 
 use std::{cmp::Reverse, collections::BinaryHeap};
 
-use super::{Posture, TerminalVelocity};
+use super::{Posture, TerminalVelocity, settings::FAILURE_PENALTY};
 
 /// A catch on its way to being a plan.
 #[derive(Clone, Copy)]
@@ -26,9 +26,8 @@ pub enum Stage {
 }
 
 /// Nodes, the one that promises most on top.
+#[derive(Default)]
 pub struct Frontier {
-    /// Penalty that a failure of a grasp adds to the cost of all of its catches.
-    failure_penalty: f64,
     nodes: Vec<Node>,
     /// Costs of nodes with their penalties, by their keys, and the nodes' numbers: of those that cost the
     /// same the first comes first, so that the order is always the same.
@@ -36,14 +35,9 @@ pub struct Frontier {
 }
 
 impl Frontier {
-    /// Creates a frontier without nodes.
-    pub fn new(failure_penalty: f64) -> Self {
-        Self { failure_penalty, nodes: Vec::new(), heap: BinaryHeap::new() }
-    }
-
     /// Adds a node.
     pub fn push(&mut self, node: Node) {
-        let cost = node.cost + self.failure_penalty * node.failures as f64;
+        let cost = node.cost + FAILURE_PENALTY * node.failures as f64;
         self.heap.push(Reverse((key(cost), self.nodes.len())));
         self.nodes.push(node);
     }

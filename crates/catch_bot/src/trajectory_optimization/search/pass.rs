@@ -8,10 +8,7 @@ use super::{
     WORK_OF_AN_APPROACH, WORK_OF_APERTURES,
     candidate::{Candidate, CatchTimeSample},
     frontier::{Frontier, Node, Stage},
-    settings::{
-        COMFORT, DELAY, FAILURE_PENALTY, LATEST_CATCH_S, MAX_MOTION_TRIALS, MAX_VELOCITY_TRIALS, NEARBY_S,
-        REACH_FRACTION,
-    },
+    settings::{COMFORT, DELAY, LATEST_CATCH_S, MAX_MOTION_TRIALS, MAX_VELOCITY_TRIALS, NEARBY_S, REACH_FRACTION},
 };
 use crate::{
     grasp_selection::{Grasp, Passing, RankedGrasp},
@@ -44,7 +41,6 @@ pub struct Pass<'a, 's> {
 impl<'a, 's> Pass<'a, 's> {
     /// The pass of this number, with the candidates of its time grid.
     pub fn new(planner: &'a CatchSearch, search: &'s mut Search<'a>, number: usize) -> Self {
-        let frontier = Frontier::new(FAILURE_PENALTY);
         let failures = vec![0; search.incoming.grasps.grasps.len()];
         let mut this = Self {
             planner,
@@ -52,7 +48,7 @@ impl<'a, 's> Pass<'a, 's> {
             is_thorough: number % PASSES >= OFFSETS.len(),
             samples: Vec::new(),
             candidates: Vec::new(),
-            frontier,
+            frontier: Frontier::default(),
             failures,
             failure: PlanningFailure::OutOfReach,
         };
@@ -166,14 +162,9 @@ impl<'a, 's> Pass<'a, 's> {
         }
         *velocity_trials += 1;
         let at = &self.samples[*sample];
-        let v_WO = &at.local_flight.V_WO.linear;
-        let point_to_point = motion.point_to_point(
-            (start, incoming),
-            &at.local_flight,
-            &ranked.X_WG,
-            &posture.q,
-            motion.moving_scaling(),
-        );
+        let (v_WO, scaling) = (&at.local_flight.V_WO.linear, motion.moving_scaling());
+        let point_to_point =
+            motion.point_to_point((start, incoming), &at.local_flight, &ranked.X_WG, &posture.q, scaling);
         let bounds = motion.terminal_velocity_bounds(&at.joints, from, &posture.q);
         let Some(terminal_velocity) = bounds.and_then(|bounds| point_to_point.terminal_velocity(&bounds)) else {
             self.failures[ranked.index] += usize::from(*velocity_trials == MAX_VELOCITY_TRIALS);

@@ -9,7 +9,7 @@ use super::{
 
 /// Residual of the flight at one pose: the error, and the dependence of the flight's pose there on its
 /// parameters.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Row {
     /// Age of this pose before the newest one, in seconds.
     pub age_s: f64,

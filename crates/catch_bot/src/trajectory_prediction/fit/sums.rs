@@ -1,5 +1,7 @@
 //! The normal equations of a fit.
 
+use std::ops::{AddAssign, SubAssign};
+
 use catch_body::symmetry::Symmetry;
 use nalgebra::{Matrix3, SMatrix, SVector};
 
@@ -67,12 +69,11 @@ impl Problem<'_> {
         noise_scale: f64,
     ) {
         let noise = self.config.process_noise;
-        let variance = |density: f64| density.powi(2) * (older_s - age_s) / noise_scale.powi(2);
         let middle_s = f64::midpoint(older_s, age_s);
         sums.information.fill_lower_triangle_with_upper_triangle();
         let spun = noise.angular_acceleration * f64::from(u8::from(self.turns()));
         for (blocks, density) in [([0, 3], noise.acceleration), ([TURN, SPIN], spun)] {
-            let variance = variance(density);
+            let variance = density.powi(2) * (older_s - age_s) / noise_scale.powi(2);
             if variance > 0.0 {
                 let gain = after_impulse(&mut sums.information, &mut sums.gradient, blocks, middle_s, variance);
                 if let (Some(gain), Some(correlated)) = (gain, &mut correlated) {
@@ -87,38 +88,29 @@ impl Problem<'_> {
     fn add<const M: usize>(&self, sums: &mut Sums, correlated: Option<&mut CorrelatedSums<M>>, row: &Row, scale: f64) {
         let turns = self.turns();
         let H = &mut sums.information;
-        let add = |H: &mut SMatrix<f64, N, N>, at: (usize, usize), block: &Matrix3<f64>| {
-            let mut view = H.fixed_view_mut::<3, 3>(at.0, at.1);
-            view += block;
-        };
         let in_sd = row.in_sd(self.freedom, scale);
         let weight = (1.0 + (in_sd / OUTLIER_SD).powi(2)).powi(-2);
         let shifts = row.shifts * weight;
         let by_motion = shifts * row.by_motion;
-        add(H, (0, 0), &shifts);
-        let mut view = H.fixed_view_mut::<3, 4>(0, 3);
-        view += by_motion;
-        let mut view = H.fixed_view_mut::<4, 4>(3, 3);
-        view += row.by_motion.transpose() * by_motion;
+        H.fixed_view_mut::<3, 3>(0, 0).add_assign(&shifts);
+        H.fixed_view_mut::<3, 4>(0, 3).add_assign(by_motion);
+        H.fixed_view_mut::<4, 4>(3, 3).add_assign(row.by_motion.transpose() * by_motion);
         let mut push = shifts * row.shift;
         if turns {
             let mixed = row.mixed * weight;
             push += mixed.transpose() * row.turn;
             let by_rotation = row.by_rotation.transpose();
             let crossed = product(&mixed.transpose(), &row.by_rotation);
-            let mut view = H.fixed_view_mut::<3, ROTATION>(0, TURN);
-            view += crossed;
-            let mut view = H.fixed_view_mut::<4, ROTATION>(3, TURN);
-            view += row.by_motion.transpose() * crossed;
-            let mut view = H.fixed_view_mut::<ROTATION, ROTATION>(TURN, TURN);
-            view += by_rotation * product(&(row.turns * weight), &row.by_rotation);
-            let mut view = sums.gradient.fixed_rows_mut::<ROTATION>(TURN);
-            view -= by_rotation * (row.turns * row.turn * weight + mixed * row.shift);
+            H.fixed_view_mut::<3, ROTATION>(0, TURN).add_assign(crossed);
+            H.fixed_view_mut::<4, ROTATION>(3, TURN).add_assign(row.by_motion.transpose() * crossed);
+            H.fixed_view_mut::<ROTATION, ROTATION>(TURN, TURN)
+                .add_assign(by_rotation * product(&(row.turns * weight), &row.by_rotation));
+            sums.gradient
+                .fixed_rows_mut::<ROTATION>(TURN)
+                .sub_assign(by_rotation * (row.turns * row.turn * weight + mixed * row.shift));
         }
-        let mut view = sums.gradient.fixed_rows_mut::<3>(0);
-        view -= push;
-        let mut view = sums.gradient.fixed_rows_mut::<4>(3);
-        view -= row.by_motion.transpose() * push;
+        sums.gradient.fixed_rows_mut::<3>(0).sub_assign(push);
+        sums.gradient.fixed_rows_mut::<4>(3).sub_assign(row.by_motion.transpose() * push);
         sums.squares += weight * row.square;
         sums.freedom += weight * self.freedom;
         sums.inliers += usize::from(in_sd < OUTLIER_SD);
@@ -149,10 +141,8 @@ impl Problem<'_> {
             spin += axis_W * axis_W.transpose() * (axial_inertia.powi(-2) - 1.0);
         }
         spin *= self.config.spin_prior_sd_radps.max(1e-6).powi(-2);
-        let mut view = information.fixed_view_mut::<3, 3>(SPIN, SPIN);
-        view += spin;
-        let mut view = gradient.fixed_rows_mut::<3>(SPIN);
-        view += spin * state.w;
+        information.fixed_view_mut::<3, 3>(SPIN, SPIN).add_assign(spin);
+        gradient.fixed_rows_mut::<3>(SPIN).add_assign(spin * state.w);
         (information, gradient)
     }
 }

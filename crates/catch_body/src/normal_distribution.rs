@@ -4,6 +4,7 @@
 ///
 /// With Chebyshev's fit of Press et al. (Numerical Recipes, 6.2) to the complementary error function, good to
 /// 10⁻⁷.
+#[inline]
 pub fn inverse_mills(u: f64) -> f64 {
     const C: [f64; 10] = [
         -1.265_512_23,
@@ -31,6 +32,7 @@ pub fn inverse_mills(u: f64) -> f64 {
 }
 
 /// −ln Φ(−u): what a bound costs that is broken by so many standard deviations.
+#[inline]
 pub fn bound_cost(u: f64) -> f64 {
     (0.5 * (u * u + libm::log(std::f64::consts::TAU)) + libm::log(inverse_mills(u))).max(0.0)
 }
