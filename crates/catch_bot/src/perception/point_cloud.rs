@@ -9,7 +9,7 @@ use super::{
     Config, ReferenceModel,
     segmentation::{Background, Expected, Label, Search},
     silhouette::Silhouette,
-    thinning::{KEPT_OF_IMAGE, stride, thin},
+    thinning::{KEPT_OF_IMAGE, is_kept, stride},
     view::View,
 };
 
@@ -254,36 +254,45 @@ impl Image<'_> {
         config: &Config,
         label: impl Fn(usize, usize) -> Label,
     ) -> PixelWindow {
-        let Self { number, frame, camera } = *self;
+        let Self { number: image, frame, camera } = *self;
         let columns = frame.window.width as usize;
         let left = (part.left - frame.window.left.min(part.left)) as usize;
         let top = (part.top - frame.window.top.min(part.top)) as usize;
         let R_WC = camera.X_WC.rotation.to_rotation_matrix();
         let p_WC = camera.X_WC.translation.vector;
-        let (mut low, mut high, first) = ([usize::MAX; 2], [0; 2], points.len());
+        let depth_m = |i: usize| f64::from(frame.depth_m[i]);
+        let is_measured = |i: usize| depth_m(i) > 0.0 && depth_m(i).is_finite();
+        let (mut low, mut high, mut count) = ([usize::MAX; 2], [0; 2], 0);
         for row in top..top + part.height as usize {
             for column in left..left + part.width as usize {
-                if label(column, row) != Label::Object {
+                if label(column, row) == Label::Object {
+                    low = [low[0].min(column), low[1].min(row)];
+                    high = [high[0].max(column + 1), high[1].max(row + 1)];
+                    count += usize::from(is_measured(row * columns + column));
+                }
+            }
+        }
+        let mut number = points.len();
+        for row in low[1]..high[1] {
+            for column in low[0]..high[0] {
+                let i = row * columns + column;
+                if label(column, row) != Label::Object || !is_measured(i) {
                     continue;
                 }
-                low = [low[0].min(column), low[1].min(row)];
-                high = [high[0].max(column + 1), high[1].max(row + 1)];
-                let i = row * columns + column;
-                let depth_m = f64::from(frame.depth_m[i]);
-                if !(depth_m > 0.0 && depth_m.is_finite()) {
+                number += 1;
+                if !is_kept(number, count, KEPT_OF_IMAGE) {
                     continue;
                 }
                 let per_depth_W = R_WC * camera.back_project(&frame.window.pixel_centre(i), 1.0).coords;
                 points.push(ScenePoint {
-                    p_W: Point3::from(p_WC + per_depth_W * depth_m),
+                    p_W: Point3::from(p_WC + per_depth_W * depth_m(i)),
                     per_depth_W,
-                    depth_sd_m: config.depth_sd_m(depth_m),
-                    pixel_m: depth_m / camera.focal_px,
-                    image: number,
+                    depth_sd_m: config.depth_sd_m(depth_m(i)),
+                    pixel_m: depth_m(i) / camera.focal_px,
+                    image,
                 });
             }
         }
-        thin(points, first, KEPT_OF_IMAGE);
         if low[0] >= high[0] {
             return PixelWindow::default();
         }

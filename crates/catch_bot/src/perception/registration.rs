@@ -397,7 +397,7 @@ fn typical(sums: &Sums) -> f64 {
 /// only their mean tells, up to a constant: 2·n·ln(mean |r|).
 fn robust_cost(sums: &Sums, count: usize) -> f64 {
     let mean_m = (sums.distances_m / count.max(1) as f64).max(LEAST_MEAN_M);
-    if count == 0 { 0.0 } else { 2.0 * count as f64 * libm::log(mean_m) }
+    2.0 * count as f64 * libm::log(mean_m)
 }
 
 /// The Gauss–Newton step in O, damped a little so that what cannot be observed stays where it was.

@@ -354,21 +354,23 @@ const HOLE_NEIGHBOURS: usize = 4;
 /// object's only a few.
 fn mark_uncertain_holes(labels: &mut [Label], part: &PixelWindow, is_measured: impl Fn(u32, u32) -> bool) {
     let (wide, high) = (part.width as usize, part.height as usize);
-    for i in 0..labels.len() {
-        let (x, y) = (i % wide.max(1), i / wide.max(1));
-        if labels[i] != Label::Elsewhere || is_measured(part.left + x as u32, part.top + y as u32) {
-            continue;
-        }
-        let rows = y.saturating_sub(1)..(y + 2).min(high);
-        let columns = x.saturating_sub(1)..(x + 2).min(wide);
-        let around = rows.flat_map(|row| columns.clone().map(move |column| row * wide + column));
-        let is_object = |at: usize| labels[at] == Label::Object;
-        let shows = |first: usize, past: usize, step: usize| (first..past).step_by(step).any(is_object);
-        let is_enclosed = || {
-            shows(y * wide, i, 1) && shows(i, (y + 1) * wide, 1) && shows(x, i, wide) && shows(i, labels.len(), wide)
-        };
-        if around.filter(|&at| is_object(at)).count() >= HOLE_NEIGHBOURS || is_enclosed() {
-            labels[i] = Label::Unknown;
+    for y in 0..high {
+        for x in 0..wide {
+            let i = y * wide + x;
+            if labels[i] != Label::Elsewhere || is_measured(part.left + x as u32, part.top + y as u32) {
+                continue;
+            }
+            let rows = y.saturating_sub(1)..(y + 2).min(high);
+            let columns = x.saturating_sub(1)..(x + 2).min(wide);
+            let around = rows.flat_map(|row| columns.clone().map(move |column| row * wide + column));
+            let is_object = |at: usize| labels[at] == Label::Object;
+            let shows = |first: usize, past: usize, step: usize| (first..past).step_by(step).any(is_object);
+            let is_enclosed = || {
+                shows(y * wide, i, 1) && shows(i, (y + 1) * wide, 1) && shows(x, i, wide) && shows(i, high * wide, wide)
+            };
+            if around.filter(|&at| is_object(at)).count() >= HOLE_NEIGHBOURS || is_enclosed() {
+                labels[i] = Label::Unknown;
+            }
         }
     }
 }

@@ -101,14 +101,16 @@ impl ShiftHistory {
     /// Returns whether the recent images differ from those before by more than a fraction of the bounds.
     fn has_moved(&self, fraction: f64, camera: &CameraModel, depth_m: f64, config: &Config) -> bool {
         let Self { before, now, .. } = self;
+        if before.images < MIN_IMAGES {
+            return false;
+        }
         let apart_px = DISPLACED_M * camera.focal_px / depth_m;
         // Half of the noise may be common to an image.
         let common_m = config.depth_sd_m(depth_m) * config.depth_common_fraction.unwrap_or(0.0).sqrt();
         let noise = SIGNIFICANT * (now.images.recip() + before.images.recip()).sqrt();
         let change = now.value - before.value;
-        let exceeds = change.xy().norm() > fraction * (apart_px + IMAGE_SD_PX * noise)
-            || change.z.abs() > fraction * (DISPLACED_M + common_m * noise);
-        before.images >= MIN_IMAGES && exceeds
+        change.xy().norm() > fraction * (apart_px + IMAGE_SD_PX * noise)
+            || change.z.abs() > fraction * (DISPLACED_M + common_m * noise)
     }
 }
 

@@ -10,20 +10,22 @@ pub(super) fn stride(count: usize, most: usize) -> usize {
     count.div_ceil(most.max(1)).max(1)
 }
 
-/// Leaves about `most` of the items from `first` on where there are more, evenly: fractions of multiples of
-/// the golden ratio repeat in no row of an image as a stride may.
-pub(super) fn thin<T>(items: &mut Vec<T>, first: usize, most: usize) {
+/// Returns whether an item, numbered from one on, is among the about `most` of `count` that are left, evenly:
+/// fractions of multiples of the golden ratio repeat in no row of an image as a stride may.
+pub(super) fn is_kept(number: usize, count: usize, most: usize) -> bool {
     /// The fraction of the golden ratio, in units of 2⁻³².
     const GOLDEN: u32 = 0x9E37_79B9;
-    let count = items.len() - first;
-    if count > most {
-        let limit = ((most as u64) << 32) / count as u64;
-        let mut index = 0_u32;
-        items.retain(|_| {
-            index += 1;
-            index as usize <= first || u64::from(index.wrapping_mul(GOLDEN)) < limit
-        });
-    }
+    let limit = ((most as u64) << 32) / count.max(1) as u64;
+    count <= most || u64::from((number as u32).wrapping_mul(GOLDEN)) < limit
+}
+
+/// Leaves about `most` of the items from `first` on where there are more.
+pub(super) fn thin<T>(items: &mut Vec<T>, first: usize, most: usize) {
+    let (count, mut number) = (items.len() - first, 0);
+    items.retain(|_| {
+        number += 1;
+        number <= first || is_kept(number, count, most)
+    });
 }
 
 #[cfg(test)]
