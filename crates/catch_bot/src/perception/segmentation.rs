@@ -127,7 +127,7 @@ impl<'a> Background<'a> {
 
     /// Returns whether a depth at image coordinates is clearly nearer than the bounds of all that is there,
     /// which cost no ray.
-    fn is_before_all(&self, found_m: f64, uv: &Point2<f64>, config: &Config) -> bool {
+    pub fn is_before_all(&self, found_m: f64, uv: &Point2<f64>, config: &Config) -> bool {
         let floor_m = self.floor_m(&self.camera.back_project(uv, 1.0).coords);
         found_m < self.before_bodies_m && found_m < nearer_than_m(floor_m, config)
     }

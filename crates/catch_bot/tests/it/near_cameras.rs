@@ -101,7 +101,8 @@ fn edges_of_the_arm_that_bleed_are_no_object() {
     assert!(found(&Config { depth_edge_px: None, ..config.clone() }) > 0, "edges that nobody expects are objects");
 }
 
-/// Whether bodies are drawn or asked ray by ray makes no difference, within the image and at its borders.
+/// Whether bodies are drawn or asked ray by ray makes no difference, within the image and at its borders; and
+/// what their bounds say of a depth, rays say too.
 #[test]
 fn drawn_bodies_are_where_their_rays_meet_them() {
     let (robot, gripper) = arm();
@@ -110,7 +111,7 @@ fn drawn_bodies_are_where_their_rays_meet_them() {
     let (cameras, config) = (cameras(), config());
     // In one memory, of which each picture needs another part.
     let mut buffer = DepthBuffer::default();
-    let (mut shown, mut all) = (0, 0);
+    let (mut shown, mut before, mut all) = (0, 0, 0);
     for camera in &cameras {
         let PixelWindow { width, height, .. } = camera.full_window();
         for (left, top) in [(0, 0), (width / 3, height / 4), (width / 2, height / 2)] {
@@ -121,10 +122,14 @@ fn drawn_bodies_are_where_their_rays_meet_them() {
             for uv in (0..part.area()).step_by(37).map(|i| part.pixel_centre(i)) {
                 assert_eq!(drawn.depth_m(&uv), asked.depth_m(&uv), "{uv}");
                 assert_eq!(drawn.nearest_m(&uv), asked.nearest_m(&uv), "{uv}");
-                (shown, all) = (shown + usize::from(asked.nearest_m(&uv).is_finite()), all + 1);
+                let nearest_m = asked.nearest_m(&uv);
+                assert!(!asked.is_before_all(nearest_m - 0.009, &uv, &config), "{uv}");
+                before += usize::from(nearest_m.is_finite() && asked.is_before_all(0.5 * nearest_m, &uv, &config));
+                (shown, all) = (shown + usize::from(nearest_m.is_finite()), all + 1);
             }
         }
     }
+    assert!(2 * before > shown, "{before} of {shown} depths are before all by the bounds");
     assert!(shown > 100 && all > 2 * shown, "{shown} of {all} pixels show the arm");
 }
 
