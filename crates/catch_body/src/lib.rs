@@ -22,7 +22,6 @@
 //! ```
 
 pub mod clearance;
-pub mod darboux;
 pub mod distance_field;
 pub mod document;
 pub mod dynamics;

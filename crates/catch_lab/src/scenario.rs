@@ -276,6 +276,7 @@ mod tests {
     use super::*;
     use crate::scenario::setup::{Choice, Setup};
     use catch_recording::brain::Method;
+    use catch_sim::drawn::Drawn;
 
     fn set(settings: &[&str]) -> Result<Scenario, InputError> {
         let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();
@@ -293,7 +294,7 @@ mod tests {
         assert!(scenario.calibration.is_none() && calibrated.calibration.is_some_and(|it| it.position_sd_m == 0.01));
         assert!(scenario.name.starts_with("paper+arena.restitution_scale=0.5+"), "{}", scenario.name);
         let person = set(&["arena.person.nearest_m=2", "arena.person.speed_mps=1"]).unwrap().arena.person;
-        assert_eq!(person.map(|it| it.speed_mps), Some(1.0));
+        assert_eq!(person.map(|it| it.speed_mps), Some(Drawn::Always(1.0)));
     }
 
     #[test]

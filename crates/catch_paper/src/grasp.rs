@@ -3,10 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use catch_body::{Gripper, Pose, darboux::darboux_frame};
+use catch_body::{Gripper, Pose};
 use catch_bot::{
     grasp_selection::{
         Grasp,
+        darboux::darboux_frame,
         fit::{held_box, overhang_m},
     },
     perception::ReferenceModel,

@@ -2,7 +2,6 @@
 
 mod all_arms;
 mod arm_dynamics;
-mod darboux;
 mod free_flight;
 mod quadratic_program;
 mod symmetry;

@@ -5,20 +5,20 @@
 //! are dropped ([`GraspSet`]). In flight the paper's heuristics rank what is left ([`heuristics`]):
 //! "strength", "catchability" and "comfort". What the arm can reach is asked by trajectory optimization.
 
+pub mod darboux;
 pub mod fit;
 pub mod heuristics;
 
 use std::collections::BTreeMap;
 
-use catch_body::{
-    DriveControl, Gripper, Pose, darboux::darboux_frame, gripper::Closing, quantity, shape::Cuboid, symmetry::Symmetry,
-};
+use catch_body::{DriveControl, Gripper, Pose, gripper::Closing, quantity, shape::Cuboid, symmetry::Symmetry};
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
 use crate::perception::ReferenceModel;
+use darboux::darboux_frame;
 pub use fit::GraspFailure;
 pub use heuristics::{Approach, Passing, RankedGrasp};
 

@@ -5,6 +5,7 @@ mod camera_alignment;
 mod closing;
 mod contact_lead;
 mod coverage;
+mod darboux;
 mod edge_cases;
 mod grasp_fit;
 mod joint_spline;

@@ -1,6 +1,6 @@
 //! Darboux frames.
 
-use catch_body::darboux::darboux_frame;
+use catch_bot::grasp_selection::darboux::darboux_frame;
 use nalgebra::{Point3, Vector3};
 
 #[test]
