@@ -222,7 +222,8 @@ mod tests {
             let q = robot.per_joint(|joint| joint.limits.upper).component_mul(&robot.joint_vector(&unit).unwrap());
             prop_assume!(q[1].abs() > 0.01 && q[3].abs() > 0.01 && q[5].abs() > 0.01);
             let circle = arm.elbow_circle(&robot.gripper_pose(&q)).unwrap();
-            let ranges: [_; 7] = std::array::from_fn(|i| [low[i], (low[i] + width[i]).min(3.1)]);
+            let mut ranges = Ranges::default();
+            (0..7).for_each(|i| ranges[i] = [low[i], (low[i] + width[i]).min(3.1)]);
             let arcs = arm.swivels(&circle, &ranges);
             for branch in Branch::ALL {
                 for step in -300..300 {

@@ -72,7 +72,7 @@ impl PointGrid {
     }
 }
 
-/// Indices of the points that are the first ones, in the order given, in their cubes of edge `edge_m`.
+/// Indices of the first point, in the order given, of each cube of edge `edge_m` in metres.
 pub fn first_in_cubes(points: &[Point3<f64>], edge_m: f64) -> impl Iterator<Item = usize> {
     let cube = move |i: &usize| <[i64; 3]>::from(points[*i].coords.map(|value| (value / edge_m).floor() as i64));
     let mut known = BTreeSet::new();

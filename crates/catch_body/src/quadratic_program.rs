@@ -152,6 +152,17 @@ struct ActiveSet<'a> {
     count: usize,
 }
 
+/// Step direction along which a constraint becomes active.
+struct Direction {
+    /// Normal of the constraint in the columns of J.
+    d: Variables,
+    /// Direction in x that keeps the active constraints, and aᵀz.
+    z: Variables,
+    curvature: f64,
+    /// Change of the active constraints' multipliers along the direction.
+    r: Variables,
+}
+
 impl ActiveSet<'_> {
     fn contains(&self, index: usize) -> bool {
         self.indices[..self.count].contains(&index)
@@ -185,7 +196,7 @@ impl ActiveSet<'_> {
         let row = &self.rows[index];
         let mut multiplier = 0.0;
         loop {
-            let (d, z, curvature, r) = self.direction(row, sign);
+            let Direction { d, z, curvature, r } = self.direction(row, sign);
             let (partial, blocking) = self.longest_step(&r);
             // The step that fulfils the constraint.
             let slack = sign * row.dot(x) - bound;
@@ -216,9 +227,7 @@ impl ActiveSet<'_> {
         }
     }
 
-    /// Step direction along which a constraint becomes active: its normal d in the columns of J, the
-    /// direction z in x that keeps the active constraints, aᵀz, and the change r of their multipliers.
-    fn direction(&self, row: &Row, sign: f64) -> (Variables, Variables, f64, Variables) {
+    fn direction(&self, row: &Row, sign: f64) -> Direction {
         let mut d = Variables::zeros();
         for column in 0..MAX_VARIABLES {
             let column_J = self.J.column(column);
@@ -235,7 +244,7 @@ impl ActiveSet<'_> {
             let sum: f64 = (row + 1..self.count).map(|column| self.R[(row, column)] * r[column]).sum();
             r[row] = (d[row] - sum) / self.R[(row, row)];
         }
-        (d, z, curvature, r)
+        Direction { d, z, curvature, r }
     }
 
     /// The longest step before an inequality's multiplier turns negative, and which does.

@@ -31,7 +31,7 @@ pub struct Seen {
 /// Median distance from a point to its fourth nearest neighbour, divided by the square root of 4/π: the edge
 /// of the square that a point of a random cloud has to itself.
 pub fn typical_spacing(points: &[Point3<f64>]) -> f64 {
-    let step = points.len().div_ceil(200);
+    let step = points.len().div_ceil(200).max(1);
     let mut fourth: Vec<f64> = points
         .iter()
         .step_by(step)

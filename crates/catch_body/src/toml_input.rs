@@ -20,7 +20,7 @@ const MOST_LETTERS: usize = 80;
 const MOST_FAULTS: usize = 20;
 
 impl InputError {
-    /// What was found where a field is none that there is.
+    /// What an error says it found where a field is unknown.
     pub const UNKNOWN_FIELD: &str = "an unknown field";
 
     /// Parses TOML into `T`.

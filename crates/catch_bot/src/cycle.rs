@@ -86,7 +86,7 @@ pub struct CatchingCycle {
     /// Start of the present phase, or, while an object is put down, the time since which the gripper has been
     /// open.
     since_s: f64,
-    /// The motion from rest to rest that was sent last.
+    /// The motion from rest to rest that was sent last in the present phase.
     motion: Option<ArmTrajectory>,
     /// Motions of the present phase that were sent.
     sent: usize,

@@ -50,9 +50,14 @@ impl<'a> Sight<'a> {
         sight
     }
 
+    /// The smallest and the largest depth that the surface may have, in metres.
+    pub fn depths_m(&self) -> [f64; 2] {
+        [self.centre_C.z - self.surface.radius, self.centre_C.z + self.surface.radius]
+    }
+
     /// The smallest depth that the surface may have, in metres.
     pub fn nearest_m(&self) -> f64 {
-        self.centre_C.z - self.surface.radius
+        self.depths_m()[0]
     }
 
     /// The pixels that the surface may cover.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use catch_body::InputError;
 use catch_lab::flights::{
     flight_learning::{self, Lessons},
-    flight_misses::{LEFT_S, Misses, QUANTILES, Reliability, Throw, with_all},
+    flight_misses::{HORIZONS_S, Misses, QUANTILES, Reliability, Throw, with_all},
     flight_prior::FlightPrior,
 };
 use catch_recording::whole_file;
@@ -104,7 +104,7 @@ fn rows(arguments: &LearnArguments, misses: Vec<Misses>) -> Vec<Row> {
         arguments.tracks.iter().map(|it| it.file_name().unwrap_or(it.as_os_str()).to_string_lossy().into_owned());
     let mut rows = Vec::new();
     for (object, misses) in with_all(names, misses) {
-        for (left_s, misses) in LEFT_S.into_iter().zip(&misses) {
+        for (left_s, misses) in HORIZONS_S.into_iter().zip(&misses) {
             let seen = left_s.map_or("half".to_owned(), |left_s| format!("{left_s} s to go"));
             rows.push(Row { object: object.clone(), seen, reliability: Reliability::of(misses) });
         }

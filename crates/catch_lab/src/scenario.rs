@@ -156,10 +156,10 @@ impl Scenario {
     ///
     /// # Errors
     /// A setting that is no `FIELD=VALUE`, a field that there is not, or a value that it cannot have.
-    pub fn with_settings(mut self, settings: &[String]) -> Result<Self, InputError> {
+    pub fn with_settings(self, settings: &[String]) -> Result<Self, InputError> {
         let fault = |found: String, expected: String| InputError::new(COMMAND_LINE, "--set", found, expected);
         let named = toml::Table::try_from(&self).map_err(|it| fault(it.to_string(), "a scenario".to_owned()))?;
-        let mut tree = named.clone();
+        let (mut tree, mut changes) = (named.clone(), String::new());
         for setting in settings {
             let fault = |expected: String| fault(format!("`{setting}`"), expected);
             let example = || fault("FIELD=VALUE, such as arena.restitution_scale=0.5".to_owned());
@@ -171,18 +171,21 @@ impl Scenario {
             let (table, field) = parent(path, &mut tree).map_err(fault)?;
             table.insert(field.to_owned(), value);
             depth_errors::fill_in(&mut tree, COMMAND_LINE)?;
-            self.name = format!("{}+{}", self.name, setting.replace(' ', ""));
+            changes.extend(["+", &setting.replace(' ', "")]);
         }
         let with_hint = |it: InputError| match it.found.as_str() {
             InputError::UNKNOWN_FIELD => {
-                let hint = did_you_mean(field_meant(&it.field, &named).as_deref());
+                let asked = settings.iter().find(|setting| setting.starts_with(&it.field));
+                let path = asked.and_then(|setting| setting.split('=').next()).unwrap_or(&it.field);
+                let hint = did_you_mean(field_meant(path.trim(), &named).as_deref());
                 InputError { expected: it.expected + &hint, ..it }
             }
             _ => it,
         };
         let changed = InputError::from_table(COMMAND_LINE, tree).map_err(with_hint)?;
-        self = Self { name: self.name, ..InputError::without_faults(changed)? };
-        self.faults(COMMAND_LINE).into_iter().next().map_or(Ok(self), Err)
+        let mut changed: Self = InputError::without_faults(changed)?;
+        changed.name += &changes;
+        changed.faults(COMMAND_LINE).into_iter().next().map_or(Ok(changed), Err)
     }
 
     /// Checks that the brain expects fingers that are no faster than those of a gripper with limits.
@@ -230,15 +233,18 @@ impl Scenario {
 }
 
 /// The table in which the field of a path stands, and the field's own name. A table that is left out is there
-/// from now on. What is expected instead if something on the way is no table.
+/// from now on.
+///
+/// # Errors
+/// What is expected instead, if something on the way is no table.
 fn parent<'a, 'b>(path: &'b str, tree: &'a mut toml::Table) -> Result<(&'a mut toml::Table, &'b str), String> {
-    let (parents, field) = path.rsplit_once('.').map_or((None, path), |(parents, field)| (Some(parents), field));
-    let mut table = tree;
-    for parent in parents.into_iter().flat_map(|it| it.split('.')).map(str::trim) {
-        let next = table.entry(parent).or_insert_with(|| toml::Table::new().into());
-        table = next.as_table_mut().ok_or_else(|| format!("`{parent}=VALUE`: it has no fields"))?;
+    let (mut table, mut start) = (tree, 0);
+    for (end, _) in path.match_indices('.') {
+        let next = table.entry(path[start..end].trim()).or_insert_with(|| toml::Table::new().into());
+        table = next.as_table_mut().ok_or_else(|| format!("`{}=VALUE`: it is no table here", path[..end].trim()))?;
+        start = end + 1;
     }
-    Ok((table, field.trim()))
+    Ok((table, path[start..].trim()))
 }
 
 /// The field that is probably meant by the path of one that there is not: spelt alike, or of the same name
@@ -394,7 +400,8 @@ mod tests {
             ("arena.frame_rate_hz=many", "expected a number"),
             ("arena.frictoin=0.3", "did you mean `arena.friction`?"),
             ("friction=0.3", "did you mean `arena.friction`?"),
-            ("arena.frame_rate_hz.x=1", "`frame_rate_hz=VALUE`"),
+            ("arena.frame_rate_hz.x=1", "`arena.frame_rate_hz=VALUE`"),
+            ("physics.friction=1", "did you mean `arena.friction`?"),
             ("arena.person.speed_mps=1", "arena.person.nearest_m: found nothing"),
             ("brain.grasp_selection.closing_speed_mps=0", "brain.grasp_selection.closing_speed_mps"),
             ("arena.latency_s=100", "arena.latency_s"),

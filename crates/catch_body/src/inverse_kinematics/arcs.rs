@@ -7,7 +7,7 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use super::{ElbowCircle, EulerForms, SrsArm, basis};
+use super::{ElbowCircle, EulerForms, Ranges, SrsArm, basis};
 
 /// h₀ + h₁·cos ψ + h₂·sin ψ.
 pub(super) type Harmonic = Vector3<f64>;
@@ -214,7 +214,7 @@ impl Branch {
 impl SrsArm {
     /// The arcs of swivel angles, each with its branch, on which all joints are within `ranges` (lower and
     /// upper bound each, in radians).
-    pub fn swivels(&self, circle: &ElbowCircle, ranges: &[[f64; 2]]) -> Vec<(Branch, [f64; 2])> {
+    pub fn swivels(&self, circle: &ElbowCircle, ranges: &Ranges) -> Vec<(Branch, [f64; 2])> {
         let mut found = Vec::new();
         let mut bounds = None;
         for elbow in [false, true] {
@@ -243,7 +243,7 @@ impl SrsArm {
     }
 
     /// The bounds of the joints `first` to `first` + 2.
-    fn bounds(&self, first: usize, ranges: &[[f64; 2]]) -> Bounds {
+    fn bounds(&self, first: usize, ranges: &Ranges) -> Bounds {
         let u = self.along.into_inner();
         let outer = |joint: usize| {
             let [low, high] = ranges[joint];

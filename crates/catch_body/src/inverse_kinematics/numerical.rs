@@ -28,7 +28,7 @@ const NEARBY_RAD: f64 = 0.1;
 pub type Ranges = [[f64; 2]; MAX_JOINTS];
 
 impl Robot {
-    /// The ranges that the arm's limits leave to its joints.
+    /// The ranges that the arm's limits leave to its joints; zero beyond the last joint.
     pub fn joint_ranges(&self) -> Ranges {
         std::array::from_fn(|i| self.joints.get(i).map_or([0.0; 2], |it| [it.limits.lower, it.limits.upper]))
     }

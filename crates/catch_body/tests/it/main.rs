@@ -2,6 +2,7 @@
 
 mod all_arms;
 mod arm_dynamics;
+mod closing;
 mod free_flight;
 mod quadratic_program;
 mod symmetry;

@@ -13,8 +13,7 @@ const LOST_AFTER_S: f64 = 0.02;
 /// The plans that are executed or will be, oldest first, each with the identifier of its trajectory.
 #[derive(Debug, Clone, Default)]
 pub struct SentPlans {
-    /// The plans.
-    pub plans: VecDeque<(TrajectoryId, CatchPlan)>,
+    plans: VecDeque<(TrajectoryId, CatchPlan)>,
     /// The highest identifier that has been used.
     last_id: u64,
 }
@@ -54,6 +53,11 @@ impl SentPlans {
         let has_dropped = self.plans.len() < before;
         self.plans.drain(..executing.unwrap_or(0));
         has_dropped
+    }
+
+    /// All of them, oldest first.
+    pub fn iter(&self) -> impl Iterator<Item = &CatchPlan> {
+        self.plans.iter().map(|(_, plan)| plan)
     }
 
     /// The plan that will be executing when all that was sent has started.

@@ -16,7 +16,7 @@ use super::{
     arm_edges::{ArmEdges, Sight},
     camera_offsets::{self, CameraOffset},
     segmentation::{Surroundings, is_full},
-    silhouette_shift::{DISPLACED_M, Mean, SIGNIFICANT, ShiftHistory},
+    silhouette_shift::{DISPLACED_M, MeanShift, SIGNIFICANT, ShiftHistory},
 };
 
 /// Status of a camera.
@@ -130,7 +130,7 @@ impl CameraHealth {
         let mut health = Self {
             waiting: (surroundings.X_WL, surroundings.width_m),
             edges: cameras.iter().map(|camera| ArmEdges::new(camera, surroundings, config)).collect(),
-            records: vec![Record::default(); cameras.len()],
+            records: vec![Record { depths_m: vec![f32::NAN; SAMPLES], ..Record::default() }; cameras.len()],
             offsets: vec![CameraOffset::default(); cameras.len()],
             statuses: vec![CameraStatus::Good; cameras.len()],
             left_out: uncalibrated.clone(),
@@ -197,7 +197,6 @@ impl CameraHealth {
     fn judge_repetition(&mut self, frame: &DepthFrame, config: &Config) {
         let (edges, record) = (&self.edges[frame.camera], &mut self.records[frame.camera]);
         let (mut measured, mut repeated) = (0, true);
-        record.depths_m.resize(SAMPLES, f32::NAN);
         for (pixel, before_m) in edges.samples(SAMPLES).zip(&mut record.depths_m) {
             let depth_m = frame.depth_m[pixel];
             repeated &= depth_m.to_bits() == before_m.to_bits() || depth_m.is_nan() && before_m.is_nan();
@@ -229,7 +228,7 @@ impl CameraHealth {
         if !blinded && sight.explained.is_some() {
             record.misplaced.update(misplaced);
         }
-        if let Some(shift) = Mean::of(&sight).filter(|_| !blinded && !misplaced && !record.frozen.holds) {
+        if let Some(shift) = MeanShift::of(&sight).filter(|_| !blinded && !misplaced && !record.frozen.holds) {
             record.shift.add(&shift, camera, edges.mean_depth_m, config);
         }
     }

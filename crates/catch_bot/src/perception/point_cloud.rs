@@ -246,7 +246,8 @@ struct Image<'a> {
 
 impl Image<'_> {
     /// Collects the measured pixels of a part that show the object by their labels, given by column and row
-    /// in the frame, and returns the box around all that do, measured or not.
+    /// in the frame: about [`KEPT_OF_IMAGE`] where there are more, which are counted first. Returns the box
+    /// around all that show it, measured or not.
     fn collect(
         &self,
         points: &mut Vec<ScenePoint>,
@@ -272,15 +273,15 @@ impl Image<'_> {
                 }
             }
         }
-        let mut number = points.len();
+        let mut pixels = points.len();
         for row in low[1]..high[1] {
             for column in low[0]..high[0] {
                 let i = row * columns + column;
                 if label(column, row) != Label::Object || !is_measured(i) {
                     continue;
                 }
-                number += 1;
-                if !is_kept(number, count, KEPT_OF_IMAGE) {
+                pixels += 1;
+                if !is_kept(pixels, count, KEPT_OF_IMAGE) {
                     continue;
                 }
                 let per_depth_W = R_WC * camera.back_project(&frame.window.pixel_centre(i), 1.0).coords;

@@ -396,8 +396,10 @@ fn typical(sums: &Sums) -> f64 {
 /// −2 × the log-likelihood of residuals, outliers included, if they are Laplace distributed with a width that
 /// only their mean tells, up to a constant: 2·n·ln(mean |r|).
 fn robust_cost(sums: &Sums, count: usize) -> f64 {
-    let mean_m = (sums.distances_m / count.max(1) as f64).max(LEAST_MEAN_M);
-    2.0 * count as f64 * libm::log(mean_m)
+    if count == 0 {
+        return 0.0;
+    }
+    2.0 * count as f64 * libm::log((sums.distances_m / count as f64).max(LEAST_MEAN_M))
 }
 
 /// The Gauss–Newton step in O, damped a little so that what cannot be observed stays where it was.

@@ -69,7 +69,7 @@ const MAX_BODIES: usize = 16;
 pub struct Background<'a> {
     camera: &'a CameraModel,
     bodies: [Option<Sight<'a>>; MAX_BODIES],
-    /// Depth before which a pixel shows something in front of all bodies, by what a bound of each says.
+    /// Depth before which a pixel shows something in front of all bodies, wherever within its ball each is.
     before_bodies_m: f64,
     /// Height of the camera over the floor and the vertical in C.
     floor: Option<(f64, Vector3<f64>)>,
@@ -109,10 +109,12 @@ impl<'a> Background<'a> {
         let in_sight = parts.map(|(X_WB, surface)| Sight::new(camera, &X_WB, surface));
         let mut in_sight = in_sight.filter(|it| it.window().intersection(&around).area() > 0);
         let bodies: [Option<Sight<'_>>; MAX_BODIES] = std::array::from_fn(|_| in_sight.next());
-        let from_m = bodies.iter().flatten().map(Sight::nearest_m).fold(f64::INFINITY, f64::min);
+        // Noise grows with the depth, so that either end of a body may leave less room before it.
+        let ends_m = bodies.iter().flatten().flat_map(Sight::depths_m);
+        let before_bodies_m = ends_m.map(|end_m| nearer_than_m(end_m, config)).fold(f64::INFINITY, f64::min);
         let up_C = camera.X_WC.rotation.inverse() * Vector3::z();
         let floor = config.sees_floor().then_some((camera.X_WC.translation.z - FLOOR_Z_M, up_C));
-        Self { camera, bodies, before_bodies_m: nearer_than_m(from_m, config), floor, bleeding_px, drawn: None }
+        Self { camera, bodies, before_bodies_m, floor, bleeding_px, drawn: None }
     }
 
     /// Draws the bodies around a part of the image, where that takes less time than so many rays.
@@ -235,8 +237,8 @@ pub(super) struct Search<'a> {
 impl<'a> Search<'a> {
     /// Labels the pixels of the part, row by row, and returns the box around those that show the object.
     ///
-    /// What is behind a pixel costs a ray, so it is asked of pixels at the object's depth alone, and then of
-    /// those beside the object's: all others are left unknown.
+    /// What is behind a pixel costs rays, unless it is before all that may be there. So it is asked of pixels
+    /// at the object's depth alone, and then of those beside the object's: all others are left unknown.
     pub fn label(mut self, labels: &mut Vec<Label>, buffer: &'a mut DepthBuffer) -> PixelWindow {
         let Self { frame, part, expected, config, .. } = self;
         let (wide, high) = (part.width as usize, part.height as usize);

@@ -7,7 +7,7 @@ use super::{Config, arm_edges::Sight};
 
 /// The mean shift of the arm in some images: in pixels to the right and down, and in depth by metres.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Mean {
+pub(super) struct MeanShift {
     images: f64,
     value: Vector3<f64>,
 }
@@ -16,9 +16,9 @@ pub(super) struct Mean {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ShiftHistory {
     /// Mean before, while no fault was found.
-    before: Mean,
+    before: MeanShift,
     /// Recent mean.
-    now: Mean,
+    now: MeanShift,
     /// True if the recent shift may be a displacement, which more images will decide.
     is_suspect: bool,
     /// True if the camera stands or looks elsewhere than configured, or than it did before.
@@ -44,7 +44,7 @@ const SUSPECT: f64 = 0.5;
 /// depth, and how far edges grow in pixels.
 const PRIOR_SD: [f64; 4] = [20.0, 20.0, 0.3, 3.0];
 
-impl Mean {
+impl MeanShift {
     /// The shift in one image, by least squares over the edges; `None` without enough of them.
     pub fn of(sight: &Sight) -> Option<Self> {
         sight.explained?;
@@ -72,7 +72,7 @@ impl ShiftHistory {
     }
 
     /// Takes in one image of a `camera` that sees the arm at a depth.
-    pub fn add(&mut self, shift: &Mean, camera: &CameraModel, depth_m: f64, config: &Config) {
+    pub fn add(&mut self, shift: &MeanShift, camera: &CameraModel, depth_m: f64, config: &Config) {
         self.now.add(shift, MOST_IMAGES);
         if self.now.images < MIN_IMAGES {
             return;
@@ -82,7 +82,7 @@ impl ShiftHistory {
         let displaced =
             self.is_off(fraction, camera, depth_m, config) || self.has_moved(fraction, camera, depth_m, config);
         if displaced && (!self.is_displaced || self.now.images >= MOST_IMAGES) {
-            (self.is_displaced, self.now) = (true, Mean::default());
+            (self.is_displaced, self.now) = (true, MeanShift::default());
         } else if self.now.images >= MOST_IMAGES {
             self.is_displaced = false;
             self.close();
@@ -143,7 +143,7 @@ mod tests {
         for _ in 0..images {
             let mut value = normal.vector().component_mul(&Vector3::new(IMAGE_SD_PX, IMAGE_SD_PX, 1e-3));
             value.x += mean_px;
-            history.add(&Mean { images: 1.0, value }, &camera(), DEPTH_M, &config);
+            history.add(&MeanShift { images: 1.0, value }, &camera(), DEPTH_M, &config);
             named |= history.is_displaced;
         }
         history.close();

@@ -10,8 +10,8 @@ pub(super) fn stride(count: usize, most: usize) -> usize {
     count.div_ceil(most.max(1)).max(1)
 }
 
-/// Returns whether an item, numbered from one on, is among the about `most` of `count` that are left, evenly:
-/// fractions of multiples of the golden ratio repeat in no row of an image as a stride may.
+/// Returns whether item `number` of a list is one of about `most` that are kept of `count` in a row, spread
+/// evenly: fractions of multiples of the golden ratio repeat in no row of an image as a stride may.
 pub(super) fn is_kept(number: usize, count: usize, most: usize) -> bool {
     /// The fraction of the golden ratio, in units of 2⁻³².
     const GOLDEN: u32 = 0x9E37_79B9;
@@ -19,7 +19,7 @@ pub(super) fn is_kept(number: usize, count: usize, most: usize) -> bool {
     count <= most || u64::from((number as u32).wrapping_mul(GOLDEN)) < limit
 }
 
-/// Leaves about `most` of the items from `first` on where there are more.
+/// Leaves about `most` of the items from `first` on where there are more, spread evenly.
 pub(super) fn thin<T>(items: &mut Vec<T>, first: usize, most: usize) {
     let (count, mut number) = (items.len() - first, 0);
     items.retain(|_| {

@@ -112,6 +112,7 @@ impl CatchSearch {
         self.run_passes(pass, (start, incoming), departure_s, MAX_WORK)
     }
 
+    /// Runs passes from number `*pass` on until one finds a catch or so much work is done.
     fn run_passes(
         &self,
         pass: &mut usize,

@@ -239,7 +239,7 @@ fn agreement(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetr
 }
 
 /// Largest distance from a flight of a pose that agrees with it, in metres: three standard deviations of the
-/// pose's position over all directions.
+/// pose's position over all directions, at least [`INLIER_M`].
 pub(super) fn reach_m(pose: &ObjectPose) -> f64 {
     let information: f64 = (3..6).map(|i| pose.information[(i, i)]).sum();
     let sd_m = if information > 0.0 { 3.0 / information.sqrt() } else { 0.0 };

@@ -2,7 +2,6 @@
 
 mod allocation;
 mod camera_alignment;
-mod closing;
 mod contact_lead;
 mod coverage;
 mod darboux;

@@ -123,7 +123,8 @@ fn drawn_bodies_are_where_their_rays_meet_them() {
                 assert_eq!(drawn.depth_m(&uv), asked.depth_m(&uv), "{uv}");
                 assert_eq!(drawn.nearest_m(&uv), asked.nearest_m(&uv), "{uv}");
                 let nearest_m = asked.nearest_m(&uv);
-                assert!(!asked.is_before_all(nearest_m - 0.009, &uv, &config), "{uv}");
+                let threshold_m = 0.0099 + 4.0 * config.depth_sd_m(nearest_m);
+                assert!(!asked.is_before_all(nearest_m - threshold_m, &uv, &config), "{uv}");
                 before += usize::from(nearest_m.is_finite() && asked.is_before_all(0.5 * nearest_m, &uv, &config));
                 (shown, all) = (shown + usize::from(nearest_m.is_finite()), all + 1);
             }

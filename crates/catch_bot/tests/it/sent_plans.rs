@@ -64,7 +64,7 @@ fn sent(starts_s: &[f64]) -> SentPlans {
 }
 
 fn catches(plans: &SentPlans) -> Vec<f64> {
-    plans.plans.iter().map(|(_, plan)| plan.q[0]).collect()
+    plans.iter().map(|plan| plan.q[0]).collect()
 }
 
 #[test]

@@ -41,7 +41,7 @@ impl Throw {
 
 /// Seconds of a throw that are left when its end is predicted, for each error that is reported; `None` is
 /// half of its time.
-pub const LEFT_S: [Option<f64>; 4] = [None, Some(0.3), Some(0.2), Some(0.1)];
+pub const HORIZONS_S: [Option<f64>; 4] = [None, Some(0.3), Some(0.2), Some(0.1)];
 
 /// A predicted end against the recorded one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,7 +64,7 @@ impl Miss {
     }
 }
 
-/// Misses by how much was seen, in the order of [`LEFT_S`].
+/// Misses by how much was seen, in the order of [`HORIZONS_S`].
 pub type Misses = [Vec<Option<Miss>>; 4];
 
 /// The misses of objects by their names, and of all together if there are several.
@@ -89,7 +89,7 @@ impl Throw {
         std::array::from_fn(|at| {
             let (first, last) = (self.samples.first()?, self.samples.last()?);
             let half_s = f64::midpoint(first.time_s, last.time_s);
-            let until_s = LEFT_S[at].map_or(half_s, |left_s| last.time_s - left_s);
+            let until_s = HORIZONS_S[at].map_or(half_s, |left_s| last.time_s - left_s);
             let seen = &self.samples[..self.samples.partition_point(|it| it.time_s <= until_s)];
             let near = near.and_then(|it| it[at].as_ref());
             predict_near(seen, &self.up, known.cloned(), near).flight
@@ -130,8 +130,9 @@ impl Reliability {
             let index = (errors.len() as f64 * fraction) as usize;
             errors.get(index.min(errors.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
         };
+        let mahalanobis2 = |miss: &Miss| miss.measures(0.0).0;
         let covered = QUANTILES.map(|(_, limit)| {
-            made.iter().filter(|miss| miss.measures(0.0).0 <= limit).count() as f64 / made.len() as f64
+            made.iter().filter(|miss| mahalanobis2(miss) <= limit).count() as f64 / made.len() as f64
         });
         let (throws, failed) = (misses.len(), misses.len() - made.len());
         Self { throws, failed, median_m: at(0.5), p95_m: at(0.95), covered }

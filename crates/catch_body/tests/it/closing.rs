@@ -4,7 +4,6 @@ use catch_body::{
     Gripper,
     gripper::{Closing, Fingers},
 };
-use catch_bot::grasp_selection::Config;
 use proptest::prelude::*;
 
 proptest! {
@@ -78,10 +77,11 @@ proptest! {
 fn fingers_that_stand_wait_for_what_closing_leaves() {
     let toml = include_str!("../../../../assets/grippers/franka_hand.toml");
     let gripper = Gripper::from_toml("franka_hand.toml", toml).unwrap();
-    let closing = Config::default().closing(&gripper);
+    let (speed_mps, acceleration_mps2) = (gripper.max_speed_mps, gripper.max_acceleration_mps2);
+    let closing = Closing { speed_mps, acceleration_mps2 };
     let standing = Fingers { width_m: 0.06, rate_mps: 0.0 };
     let travel_m = 0.03;
-    let (v, a) = (gripper.max_speed_mps, gripper.max_acceleration_mps2);
+    let (v, a) = (speed_mps, acceleration_mps2);
     let wait_s = closing.wait_s(standing, 0.06, 0.06 - travel_m, 0.6);
     assert!((wait_s - (0.6 - travel_m / v - v / (2.0 * a))).abs() < 1e-9, "{wait_s}");
     assert_eq!(closing.wait_s(standing, 0.06, 0.03, 0.1), 0.0, "it is too late already");
