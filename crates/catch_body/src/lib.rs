@@ -1,9 +1,9 @@
 //! Bodies: what the catching robot's brain and the arena it acts in both know about physical things.
 //!
 //! Poses, meshes, clouds with their surfaces, shapes, ray casting, collision distance, symmetries; free
-//! flight; a serial arm read from a URDF and a `robot.toml`, its forward and inverse kinematics, Jacobians and
-//! inverse dynamics; a parallel gripper and how its fingers close; and small quadratic programs. There is no
-//! camera and no throw here.
+//! flight; a serial arm read from a URDF and a `robot.toml`, its forward and inverse kinematics, Jacobians
+//! and inverse dynamics; a parallel gripper and how its fingers close; and small quadratic programs. There is
+//! no camera and no throw here.
 //!
 //! Poses are written in monogram notation: `X_WG` is the pose of frame G in frame W, `p_WO` the position of O
 //! in W, `R_WG` a rotation. W is the world (z up), G the gripper, O the object with its origin at the centre

@@ -276,8 +276,8 @@ impl<'a> PlacementStudy<'a> {
         }
     }
 
-    /// The best cameras of a kind among those that may hang on walls and ceiling, and the number of places and
-    /// aims that they were chosen from.
+    /// The best cameras of a kind among those that may hang on walls and ceiling, and the number of places
+    /// and aims that they were chosen from.
     ///
     /// # Errors
     /// If there is no place that is clear of all flights and shows enough of the arm.
