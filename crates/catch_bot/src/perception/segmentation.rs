@@ -69,7 +69,7 @@ const MAX_BODIES: usize = 16;
 pub struct Background<'a> {
     camera: &'a CameraModel,
     bodies: [Option<Sight<'a>>; MAX_BODIES],
-    /// Depth before which a pixel shows something in front of all bodies, wherever within its ball each is.
+    /// Depth before which a pixel shows something in front of all bodies, by the bounding sphere of each.
     before_bodies_m: f64,
     /// Height of the camera over the floor and the vertical in C.
     floor: Option<(f64, Vector3<f64>)>,
