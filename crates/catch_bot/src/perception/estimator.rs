@@ -354,9 +354,14 @@ impl ObjectFinder {
 }
 
 impl ObjectPose {
-    /// Returns whether the silhouettes, where they were needed, are those of the object.
+    /// Returns whether the silhouettes are those of the object or, where there are none, its points: these
+    /// are near, or as near as they say.
     fn is_explained(&self) -> bool {
-        self.silhouette_mismatch.is_none_or(|mismatch| mismatch <= MAX_MISMATCH)
+        let is_small = |mismatch: f64| mismatch <= MAX_MISMATCH;
+        match self.silhouette_mismatch {
+            Some(mismatch) => is_small(mismatch),
+            None => self.residual_m <= SILHOUETTE_ABOVE_M || self.points_mismatch.is_none_or(is_small),
+        }
     }
 }
 

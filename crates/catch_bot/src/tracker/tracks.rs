@@ -9,7 +9,7 @@ use crate::{
     perception::{GATE_M, ObjectPose, PoseEstimator, ReferenceModel, View},
     preparation::Preparation,
     trajectory_optimization::MotionPlanner,
-    trajectory_prediction::{FlightPredictor, FlightTrajectory, PredictionStatus},
+    trajectory_prediction::{FlightPredictor, FlightTrajectory, PredictionStatus, free_fall::log_evidence},
 };
 
 /// Times between two poses that tell a velocity, in seconds.
@@ -24,6 +24,8 @@ const PAST_S: f64 = 1.0;
 const STEPS: usize = 125;
 const STEP_S: f64 = 0.02;
 
+/// Least evidence that what flies is no hand.
+const LEAST_EVIDENCE: f64 = 7.0;
 /// Largest number of things that are tracked besides the object.
 const MOST_OTHERS: usize = 4;
 /// Time after which a thing that is not seen any more is forgotten, in seconds.
@@ -52,6 +54,8 @@ pub(crate) struct Track {
     pub poses: Vec<ObjectPose>,
     /// Flight as it was predicted last.
     pub flight: Option<FlightTrajectory>,
+    /// True if the poses have shown that it falls freely.
+    pub(super) falls: bool,
 }
 
 impl Track {
@@ -108,6 +112,7 @@ impl Track {
         if let Some(previous) = &self.flight {
             flight.R_WO = symmetry.nearest_alike(&previous.pose_at(flight.time_s).rotation, &flight.R_WO);
         }
+        self.falls = self.falls || log_evidence(&self.poses, &flight) > LEAST_EVIDENCE;
         self.flight = Some(flight);
         Ok(())
     }
@@ -126,7 +131,7 @@ impl Track {
 impl Tracks {
     /// Nothing yet, with room for the object's poses.
     pub fn new() -> Self {
-        let object = Track { poses: Vec::with_capacity(POSES), flight: None };
+        let object = Track { poses: Vec::with_capacity(POSES), ..Track::default() };
         Self { object, others: Vec::new(), is_followed: false, unlabelled_s: None }
     }
 
@@ -174,7 +179,7 @@ impl Tracks {
             let near =
                 left.iter().enumerate().filter_map(|(i, it)| Some((i, it.distance_m(&pose, reference.radius_m)?)));
             let Some((i, _)) = near.min_by(|a, b| a.1.total_cmp(&b.1)) else {
-                new.push(Track { poses: vec![pose], flight: None });
+                new.push(Track { poses: vec![pose], ..Track::default() });
                 continue;
             };
             let track = left.swap_remove(i);
@@ -206,13 +211,16 @@ impl Tracks {
         known: &Preparation,
     ) -> Result<(), PredictionStatus> {
         let (symmetry, arm) = (&known.reference.symmetry, &known.search.motion);
-        let predicted = self.object.predict(predictor, symmetry);
+        let mut predicted = self.object.predict(predictor, symmetry);
+        if self.unlabelled_s.is_some() && !self.object.falls {
+            predicted = Err(PredictionStatus::NoAgreement);
+        }
         self.is_followed = self.unlabelled_s.is_none() || predicted.is_ok() && self.object.leads_to(arm);
         if self.unlabelled_s.is_none_or(|now_s| self.followed(now_s).is_some()) {
             self.others.clear();
             return predicted;
         }
-        let flies = |it: &mut Track| it.predict(predictor, symmetry).is_ok() && it.leads_to(arm);
+        let flies = |it: &mut Track| it.predict(predictor, symmetry).is_ok() && it.falls && it.leads_to(arm);
         let Some(i) = self.others.iter_mut().position(flies) else { return predicted };
         std::mem::swap(&mut self.object, &mut self.others[i]);
         self.is_followed = true;
@@ -221,7 +229,7 @@ impl Tracks {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use catch_cell::{DepthFrame, PixelWindow};
     use nalgebra::{Matrix6, Point3, Vector3};
 
@@ -275,7 +283,7 @@ pub(super) mod tests {
         let known = preparation();
         let leads = |p_WOcm: Point3<f64>, v_WOcm: Vector3<f64>| {
             let flight = FlightTrajectory { p_WOcm, v_WOcm, ..FlightTrajectory::default() };
-            Track { poses: vec![pose(0.0, p_WOcm)], flight: Some(flight) }.leads_to(&known.search.motion)
+            tracked(p_WOcm, flight).leads_to(&known.search.motion)
         };
         let (from, to_arm) = (Point3::new(3.0, 0.0, 1.0), Vector3::new(-5.0, 0.0, 2.0));
         assert!(leads(from, to_arm));
@@ -288,11 +296,16 @@ pub(super) mod tests {
             v_WOcm: [-5.0, 0.0, -5.81].into(),
             ..FlightTrajectory::default()
         };
-        let track = Track { poses: vec![pose(0.0, from)], flight: Some(flight) };
+        let track = tracked(from, flight);
         assert!(track.leads_to(&known.search.motion), "it has passed the arm");
         let flight = FlightTrajectory { time_s: 3.0, p_WOcm: from, v_WOcm: to_arm, ..FlightTrajectory::default() };
-        let track = Track { poses: vec![pose(0.0, from)], flight: Some(flight) };
+        let track = tracked(from, flight);
         assert!(track.leads_to(&known.search.motion), "it was seen long before");
+    }
+
+    /// A thing that was seen once, and its flight.
+    fn tracked(p_WO: Point3<f64>, flight: FlightTrajectory) -> Track {
+        Track { poses: vec![pose(0.0, p_WO)], flight: Some(flight), ..Track::default() }
     }
 
     /// Sees a hand from the first image on, and a thrown object from the third.
@@ -326,7 +339,7 @@ pub(super) mod tests {
         let known = preparation();
         let (mut tracks, mut predictor) = (Tracks::new(), known.flight_predictor(1));
         let mut nearest = Vec::new();
-        for i in 0..8 {
+        for i in 0..12 {
             let time_s = 0.01 * f64::from(i);
             tracks.unlabelled_s = Some(time_s);
             let window = PixelWindow::default();
@@ -340,9 +353,10 @@ pub(super) mod tests {
             let p_WO = Point3::from(tracks.object.poses.last().unwrap().X_WO.translation.vector);
             nearest.push(if nalgebra::distance(&p_WO, &thrown(time_s)) < 1e-9 { "object" } else { "hand" });
         }
-        // Three poses tell a flight.
-        assert_eq!(nearest, ["hand", "hand", "hand", "hand", "object", "object", "object", "object"]);
-        assert!(tracks.followed(0.07).is_some() && tracks.others.is_empty());
+        // The object is seen from the third image on, and seven poses tell that gravity bends its path.
+        let (before, after) = nearest.split_at(8);
+        assert_eq!((before, after), (&["hand"; 8][..], &["object"; 4][..]));
+        assert!(tracks.followed(0.11).is_some() && tracks.others.is_empty());
         assert!(tracks.object.poses.iter().all(|it| it.X_WO == thrown(it.capture_s).into()), "poses are mixed");
     }
 }
