@@ -24,7 +24,7 @@ const PAST_S: f64 = 1.0;
 const STEPS: usize = 125;
 const STEP_S: f64 = 0.02;
 
-/// Least evidence that what flies is no hand.
+/// Least logarithm of how much likelier free fall is than uniform motion: a thousand times.
 const LEAST_EVIDENCE: f64 = 7.0;
 /// Largest number of things that are tracked besides the object.
 const MOST_OTHERS: usize = 4;

@@ -3,14 +3,13 @@
 use catch_body::dynamics::gravity;
 use nalgebra::{Matrix3x6, Matrix6, Vector3, Vector6};
 
-use super::{
-    FlightTrajectory, WINDOW, newest,
-    ransac::{is_finite, reach_m},
-};
+use super::{FlightTrajectory, WINDOW, newest, ransac::is_finite};
 use crate::perception::ObjectPose;
 
 /// Degrees of freedom that "the errors are as the poses say" counts for.
 const SCALE_PRIOR_DOF: f64 = 12.0;
+/// A position agrees with a flight within so many standard deviations along each axis.
+const OUTLIER_SD: f64 = 2.5;
 
 /// Logarithm of how much likelier the newest poses are of a thing that falls freely than of one that moves
 /// uniformly.
@@ -22,8 +21,9 @@ const SCALE_PRIOR_DOF: f64 = 12.0;
 pub fn log_evidence(poses: &[ObjectPose], flight: &FlightTrajectory) -> f64 {
     let considered = newest(poses, WINDOW);
     let agrees = |pose: &&ObjectPose| {
-        let p_WO = flight.pose_at(pose.capture_s).translation.vector;
-        is_finite(pose) && (pose.X_WO.translation.vector - p_WO).norm() < reach_m(pose)
+        let off_m = pose.X_WO.translation.vector - flight.pose_at(pose.capture_s).translation.vector;
+        let square = off_m.dot(&(pose.information.fixed_view::<3, 3>(3, 3) * off_m));
+        is_finite(pose) && square < 3.0 * (OUTLIER_SD * flight.error_scale.max(1.0)).powi(2)
     };
     let agreeing: Vec<&ObjectPose> = considered.iter().filter(agrees).collect();
     if 2 * agreeing.len() < considered.len() {
