@@ -233,11 +233,11 @@ impl CatchingBot {
         }
 
         // III-B: the flight that the poses agree on.
-        let predicted = self.tracker.tracks.predict(&mut *self.predictor, &self.known);
+        let flies = self.tracker.tracks.predict(&mut *self.predictor, &self.known);
         let windows = self.tracker.windows(observation, &self.known);
         probe.stage_ended("trajectory_prediction");
         let Track { poses, flight, .. } = &self.tracker.tracks.object;
-        let (Ok(()), [first, ..], Some(flight)) = (predicted, &poses[..], flight) else {
+        let (true, [first, ..], Some(flight)) = (flies, &poses[..], flight) else {
             return self.close_report(Status::NoTrajectory, pose, Command { windows, ..Command::default() });
         };
 

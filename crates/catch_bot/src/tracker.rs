@@ -16,7 +16,7 @@ use crate::{
     preparation::Preparation,
     trajectory_prediction::FlightTrajectory,
 };
-use tracks::{POSES, Track, Tracks};
+use tracks::{POSES, Tracks};
 
 /// Observations whose joint angles are remembered: longer than images can take to arrive.
 const SENSED: usize = 64;
@@ -91,11 +91,10 @@ impl Tracker {
         *self = Self { health, compared, ..Self::new(known, self.compares_cameras) };
     }
 
-    /// Forgets the object's poses but for the newest `count`, and that it fell.
+    /// Forgets the object's poses but for the newest `count`.
     pub fn keep_newest(&mut self, count: usize) {
-        let Track { poses, falls, .. } = &mut self.tracks.object;
+        let poses = &mut self.tracks.object.poses;
         poses.drain(..poses.len().saturating_sub(count));
-        *falls = false;
     }
 
     /// Times of the newest observation with images and of the one before.

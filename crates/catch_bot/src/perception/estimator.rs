@@ -354,8 +354,8 @@ impl ObjectFinder {
 }
 
 impl ObjectPose {
-    /// Returns whether the silhouettes are those of the object or, where there are none, its points: these
-    /// are near, or as near as they say.
+    /// Returns whether the silhouettes are those of the object or, where none were needed, its points lie on
+    /// it: within a millimetre, or within what they say.
     fn is_explained(&self) -> bool {
         let is_small = |mismatch: f64| mismatch <= MAX_MISMATCH;
         match self.silhouette_mismatch {
@@ -387,5 +387,27 @@ impl Fit {
             iterations: self.iterations,
             registered_globally,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+    use crate::tracker::tracks::tests::pose;
+
+    #[test]
+    fn silhouettes_explain_a_pose_or_else_points_do() {
+        let is_explained = |residual_m, points_mismatch, silhouette_mismatch| {
+            let pose = pose(0.0, Point3::origin());
+            ObjectPose { residual_m, points_mismatch, silhouette_mismatch, ..pose }.is_explained()
+        };
+        // Points of a person far away, among which the object was fitted.
+        assert!(!is_explained(0.125, Some(4.6), None));
+        assert!(is_explained(0.06, Some(0.8), None), "they are as near as they say");
+        assert!(is_explained(0.0008, Some(9.0), None), "they are near, whatever they say");
+        assert!(is_explained(0.125, Some(4.6), Some(0.6)), "the silhouette tells more");
+        assert!(!is_explained(0.0008, Some(0.8), Some(3.1)));
     }
 }

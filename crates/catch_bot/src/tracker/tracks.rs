@@ -41,7 +41,7 @@ pub(crate) struct Tracks {
     pub object: Track,
     /// Other things that move, as long as any of them could be the object.
     others: Vec<Track>,
-    /// True if the object's flight leads to the arm: nothing else is looked for.
+    /// True if the object flies to the arm: nothing else is looked for.
     pub(super) is_followed: bool,
     /// Capture time of the newest image without a mask. Masks tell the object from all else.
     pub unlabelled_s: Option<f64>,
@@ -54,8 +54,6 @@ pub(crate) struct Track {
     pub poses: Vec<ObjectPose>,
     /// Flight as it was predicted last.
     pub flight: Option<FlightTrajectory>,
-    /// True if the poses have shown that it falls freely.
-    pub(super) falls: bool,
 }
 
 impl Track {
@@ -112,9 +110,14 @@ impl Track {
         if let Some(previous) = &self.flight {
             flight.R_WO = symmetry.nearest_alike(&previous.pose_at(flight.time_s).rotation, &flight.R_WO);
         }
-        self.falls = self.falls || log_evidence(&self.poses, &flight) > LEAST_EVIDENCE;
         self.flight = Some(flight);
         Ok(())
+    }
+
+    /// Returns whether the poses show that it falls freely.
+    fn falls(&self) -> bool {
+        let evidence = self.flight.as_ref().and_then(|flight| log_evidence(&self.poses, flight));
+        evidence.is_some_and(|evidence| evidence > LEAST_EVIDENCE)
     }
 
     /// Returns whether the flight leads, or lately led, to where the gripper can be above the floor.
@@ -203,28 +206,23 @@ impl Tracks {
         object.poses.last().filter(|pose| pose.capture_s == now_s).copied()
     }
 
-    /// Predicts the object's flight. As long as that does not lead to the arm, another thing whose flight
-    /// does is the object.
-    pub fn predict(
-        &mut self,
-        predictor: &mut dyn FlightPredictor,
-        known: &Preparation,
-    ) -> Result<(), PredictionStatus> {
+    /// Predicts the object's flight, and returns whether it flies. As long as it does not, or not to the arm,
+    /// another thing that does is the object.
+    pub fn predict(&mut self, predictor: &mut dyn FlightPredictor, known: &Preparation) -> bool {
         let (symmetry, arm) = (&known.reference.symmetry, &known.search.motion);
-        let mut predicted = self.object.predict(predictor, symmetry);
-        if self.unlabelled_s.is_some() && !self.object.falls {
-            predicted = Err(PredictionStatus::NoAgreement);
-        }
-        self.is_followed = self.unlabelled_s.is_none() || predicted.is_ok() && self.object.leads_to(arm);
+        let are_labelled = self.unlabelled_s.is_none();
+        let is_predicted = self.object.predict(predictor, symmetry).is_ok();
+        let flies = is_predicted && (are_labelled || self.is_followed || self.object.falls());
+        self.is_followed = are_labelled || flies && self.object.leads_to(arm);
         if self.unlabelled_s.is_none_or(|now_s| self.followed(now_s).is_some()) {
             self.others.clear();
-            return predicted;
+            return flies;
         }
-        let flies = |it: &mut Track| it.predict(predictor, symmetry).is_ok() && it.falls && it.leads_to(arm);
-        let Some(i) = self.others.iter_mut().position(flies) else { return predicted };
+        let leads = |it: &mut Track| it.predict(predictor, symmetry).is_ok() && it.falls() && it.leads_to(arm);
+        let Some(i) = self.others.iter_mut().position(leads) else { return flies };
         std::mem::swap(&mut self.object, &mut self.others[i]);
         self.is_followed = true;
-        Ok(())
+        true
     }
 }
 
@@ -308,55 +306,71 @@ pub(crate) mod tests {
         Track { poses: vec![pose(0.0, p_WO)], flight: Some(flight), ..Track::default() }
     }
 
-    /// Sees a hand from the first image on, and a thrown object from the third.
-    struct HandAndObject;
-
-    impl HandAndObject {
-        fn hand(time_s: f64) -> Point3<f64> {
-            Point3::new(2.0, -1.4 - 1.5 * time_s, 0.9)
-        }
+    /// Sees a hand from the first image on, and what is thrown, if anything, from the third.
+    struct HandAndObject {
+        hand: fn(f64) -> Point3<f64>,
+        is_thrown: bool,
     }
 
     impl PoseEstimator for HandAndObject {
         fn estimate(&mut self, view: &View<'_>, prior: Prior) -> Result<ObjectPose, PerceptionStatus> {
-            let (time_s, expected) = (view.capture_s(), Point3::from(prior.pose().unwrap().translation.vector));
-            let all = [thrown(time_s), Self::hand(time_s)];
-            let nearest = all
-                .into_iter()
-                .min_by(|a, b| nalgebra::distance(a, &expected).total_cmp(&nalgebra::distance(b, &expected)));
-            Ok(pose(time_s, nearest.unwrap()))
+            let mut all = Vec::new();
+            self.estimate_all(view, &[], &mut all);
+            let from_m = |it: &ObjectPose| (it.X_WO.inverse() * prior.pose().unwrap()).translation.vector.norm();
+            all.into_iter().min_by(|a, b| from_m(a).total_cmp(&from_m(b))).ok_or(PerceptionStatus::NoPoints)
         }
 
         fn estimate_all(&mut self, view: &View<'_>, _: &[Pose], found: &mut Vec<ObjectPose>) {
             let time_s = view.capture_s();
-            found.push(pose(time_s, Self::hand(time_s)));
-            found.extend((time_s > 0.015).then(|| pose(time_s, thrown(time_s))));
+            found.push(pose(time_s, (self.hand)(time_s)));
+            found.extend((self.is_thrown && time_s > 0.015).then(|| pose(time_s, thrown(time_s))));
         }
     }
 
-    #[test]
-    fn what_flies_to_the_arm_is_the_object_whatever_was_seen_before() {
+    /// Tracks what is in images a hundredth of a second apart, and hands over what came of each.
+    fn track(estimator: &mut HandAndObject, images: u32, mut each: impl FnMut(f64, &Tracks, bool)) {
         let known = preparation();
         let (mut tracks, mut predictor) = (Tracks::new(), known.flight_predictor(1));
-        let mut nearest = Vec::new();
-        for i in 0..12 {
+        for i in 0..images {
             let time_s = 0.01 * f64::from(i);
             tracks.unlabelled_s = Some(time_s);
             let window = PixelWindow::default();
             let frames = [DepthFrame { camera: 0, capture_s: time_s, window, depth_m: Vec::new(), mask: None }];
             let view = View { frames: &frames, ..View::default() };
             match tracks.followed(time_s) {
-                Some(_) => tracks.follow(&view, &known.reference, &mut HandAndObject),
-                None => tracks.search(&view, &known.reference, &mut HandAndObject),
+                Some(_) => tracks.follow(&view, &known.reference, estimator),
+                None => tracks.search(&view, &known.reference, estimator),
             };
-            let _ = tracks.predict(&mut predictor, &known);
+            let flies = tracks.predict(&mut predictor, &known);
+            each(time_s, &tracks, flies);
+        }
+    }
+
+    #[test]
+    fn what_flies_to_the_arm_is_the_object_whatever_was_seen_before() {
+        let hand = |time_s: f64| Point3::new(2.0, -1.4 - 1.5 * time_s, 0.9);
+        let mut nearest = Vec::new();
+        track(&mut HandAndObject { hand, is_thrown: true }, 12, |time_s, tracks, flies| {
             let p_WO = Point3::from(tracks.object.poses.last().unwrap().X_WO.translation.vector);
             nearest.push(if nalgebra::distance(&p_WO, &thrown(time_s)) < 1e-9 { "object" } else { "hand" });
-        }
+            assert_eq!(flies, nearest.ends_with(&["object"]));
+            assert_eq!(flies, tracks.followed(time_s).is_some());
+            let is_mixed = tracks.object.poses.iter().any(|it| it.X_WO != thrown(it.capture_s).into());
+            assert!(!flies || !is_mixed, "poses are mixed");
+        });
         // The object is seen from the third image on, and seven poses tell that gravity bends its path.
         let (before, after) = nearest.split_at(8);
         assert_eq!((before, after), (&["hand"; 8][..], &["object"; 4][..]));
-        assert!(tracks.followed(0.11).is_some() && tracks.others.is_empty());
-        assert!(tracks.object.poses.iter().all(|it| it.X_WO == thrown(it.capture_s).into()), "poses are mixed");
+    }
+
+    #[test]
+    fn a_hand_that_comes_to_the_arm_does_not_fly() {
+        let hand = |time_s: f64| Point3::new(1.6 - 1.2 * time_s, 0.2, 0.9);
+        let mut predicted = 0;
+        track(&mut HandAndObject { hand, is_thrown: false }, 60, |time_s, tracks, flies| {
+            assert!(!flies && tracks.followed(time_s).is_none(), "{time_s}");
+            predicted += usize::from(tracks.object.leads_to(&preparation().search.motion));
+        });
+        assert!(predicted > 10, "some flights were near its path, and led to the arm: {predicted}");
     }
 }

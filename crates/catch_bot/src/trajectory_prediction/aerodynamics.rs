@@ -352,7 +352,7 @@ fn braking(drag_per_m: f64, deviation: Matrix3<f64>, most_per_m: f64) -> Matrix3
 }
 
 /// Information on a pose's position alone, whatever its orientation.
-fn of_position(pose: &ObjectPose) -> Matrix3<f64> {
+pub(super) fn of_position(pose: &ObjectPose) -> Matrix3<f64> {
     let block = |i, j| pose.information.fixed_view::<3, 3>(i, j).into_owned();
     let (turns, mixed, shifts) = (block(0, 0), block(0, 3), block(3, 3));
     let seen = turns + Matrix3::identity() * (1e-6 * turns.trace() + 1e-12);

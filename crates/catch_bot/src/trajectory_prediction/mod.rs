@@ -8,7 +8,7 @@ mod aerodynamics;
 mod correlated_error;
 mod fit;
 mod flight;
-pub mod free_fall;
+pub(crate) mod free_fall;
 mod local_flight;
 mod process_noise;
 pub mod ransac;
