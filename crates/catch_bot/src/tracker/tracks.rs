@@ -366,10 +366,10 @@ pub(crate) mod tests {
     #[test]
     fn a_hand_that_comes_to_the_arm_does_not_fly() {
         let hand = |time_s: f64| Point3::new(1.6 - 1.2 * time_s, 0.2, 0.9);
-        let mut predicted = 0;
+        let (known, mut predicted) = (preparation(), 0);
         track(&mut HandAndObject { hand, is_thrown: false }, 60, |time_s, tracks, flies| {
             assert!(!flies && tracks.followed(time_s).is_none(), "{time_s}");
-            predicted += usize::from(tracks.object.leads_to(&preparation().search.motion));
+            predicted += usize::from(tracks.object.leads_to(&known.search.motion));
         });
         assert!(predicted > 10, "some flights were near its path, and led to the arm: {predicted}");
     }
