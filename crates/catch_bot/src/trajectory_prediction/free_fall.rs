@@ -100,7 +100,7 @@ mod tests {
             prop_assert!((log_evidence(&both, &flight).unwrap() - evidence).abs() < 1e-9);
         }
 
-        /// Errors ten times as large as the poses say do not look like gravity, whatever flight they are near.
+        /// Errors ten times as large as the poses say do not look like gravity.
         #[test]
         fn errors_are_no_evidence(seed in 0..1000_u64) {
             let flight = FlightTrajectory { error_scale: 10.0, ..flight_near(Vector3::zeros()) };
