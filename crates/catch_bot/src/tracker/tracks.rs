@@ -134,7 +134,7 @@ impl Track {
 impl Tracks {
     /// Nothing yet, with room for the object's poses.
     pub fn new() -> Self {
-        let object = Track { poses: Vec::with_capacity(POSES), ..Track::default() };
+        let object = Track { poses: Vec::with_capacity(POSES), flight: None };
         Self { object, others: Vec::new(), is_followed: false, unlabelled_s: None }
     }
 
@@ -182,7 +182,7 @@ impl Tracks {
             let near =
                 left.iter().enumerate().filter_map(|(i, it)| Some((i, it.distance_m(&pose, reference.radius_m)?)));
             let Some((i, _)) = near.min_by(|a, b| a.1.total_cmp(&b.1)) else {
-                new.push(Track { poses: vec![pose], ..Track::default() });
+                new.push(Track { poses: vec![pose], flight: None });
                 continue;
             };
             let track = left.swap_remove(i);
@@ -303,7 +303,7 @@ pub(crate) mod tests {
 
     /// A thing that was seen once, and its flight.
     fn tracked(p_WO: Point3<f64>, flight: FlightTrajectory) -> Track {
-        Track { poses: vec![pose(0.0, p_WO)], flight: Some(flight), ..Track::default() }
+        Track { poses: vec![pose(0.0, p_WO)], flight: Some(flight) }
     }
 
     /// Sees a hand from the first image on, and what is thrown, if anything, from the third.
