@@ -236,7 +236,7 @@ impl CatchingBot {
         let flies = self.tracker.tracks.predict(&mut *self.predictor, &self.known);
         let windows = self.tracker.windows(observation, &self.known);
         probe.stage_ended("trajectory_prediction");
-        let Track { poses, flight, .. } = &self.tracker.tracks.object;
+        let Track { poses, flight } = &self.tracker.tracks.object;
         let (true, [first, ..], Some(flight)) = (flies, &poses[..], flight) else {
             return self.close_report(Status::NoTrajectory, pose, Command { windows, ..Command::default() });
         };

@@ -354,8 +354,8 @@ impl ObjectFinder {
 }
 
 impl ObjectPose {
-    /// Returns whether the silhouettes are those of the object or, where none were needed, its points lie on
-    /// it: within a millimetre, or within what they say.
+    /// Returns whether the silhouettes are those of the object or, where there are none, its points lie on it:
+    /// within a millimetre, or within their stated errors.
     fn is_explained(&self) -> bool {
         let is_small = |mismatch: f64| mismatch <= MAX_MISMATCH;
         match self.silhouette_mismatch {
@@ -405,8 +405,8 @@ mod tests {
         };
         // Points of a person far away, among which the object was fitted.
         assert!(!is_explained(0.125, Some(4.6), None));
-        assert!(is_explained(0.06, Some(0.8), None), "they are as near as they say");
-        assert!(is_explained(0.0008, Some(9.0), None), "they are near, whatever they say");
+        assert!(is_explained(0.06, Some(0.8), None), "within their stated errors");
+        assert!(is_explained(0.0008, Some(9.0), None), "within a millimetre");
         assert!(is_explained(0.125, Some(4.6), Some(0.6)), "the silhouette tells more");
         assert!(!is_explained(0.0008, Some(0.8), Some(3.1)));
     }

@@ -22,15 +22,16 @@ const OUTLIER_SD: f64 = 2.5;
 /// A hand moves nearly uniformly for a tenth of a second; in that time gravity bends a path by 12 mm. Both
 /// motions are those that fit best to the positions which agree with `flight`, since one of them first did:
 /// the thing may have been held before. How far positions err is estimated along with them, so two densities
-/// of Student's t are compared. Fewer than half of the positions that agree tell nothing.
+/// of Student's t are compared. If fewer than half of the positions agree, they tell nothing.
 pub fn log_evidence(poses: &[ObjectPose], flight: &FlightTrajectory) -> Option<f64> {
-    let agrees = |pose: &ObjectPose| {
+    let agrees = |pose: &&ObjectPose| {
         let off_m = pose.X_WO.translation.vector - flight.pose_at(pose.capture_s).translation.vector;
         let square = off_m.dot(&(of_position(pose) * off_m));
-        off_m.norm() < reach_m(pose) || square < 3.0 * (OUTLIER_SD * flight.error_scale.max(1.0)).powi(2)
+        let is_near = off_m.norm() < reach_m(pose);
+        is_finite(pose) && (is_near || square < 3.0 * (OUTLIER_SD * flight.error_scale.max(1.0)).powi(2))
     };
-    let since = newest(poses, WINDOW).iter().skip_while(|pose| !is_finite(pose) || !agrees(pose));
-    let agreeing: Vec<&ObjectPose> = since.clone().filter(|pose| is_finite(pose) && agrees(pose)).collect();
+    let since = newest(poses, WINDOW).iter().skip_while(|pose| !agrees(pose));
+    let agreeing: Vec<&ObjectPose> = since.clone().filter(agrees).collect();
     if 2 * agreeing.len() < since.count() {
         return None;
     }
