@@ -354,8 +354,8 @@ impl ObjectFinder {
 }
 
 impl ObjectPose {
-    /// Returns whether the silhouettes are those of the object or, where there are none, its points lie on it:
-    /// within a millimetre, or within their stated errors.
+    /// Returns whether the silhouettes are those of the object or, where there are none, its points lie on
+    /// it: within a millimetre, or within their stated errors.
     fn is_explained(&self) -> bool {
         let is_small = |mismatch: f64| mismatch <= MAX_MISMATCH;
         match self.silhouette_mismatch {
