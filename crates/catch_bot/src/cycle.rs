@@ -7,27 +7,16 @@ use catch_body::JointVector;
 use catch_cell::{
     ArmTrajectory, Brain, Command, GraspState, GripperMove, GripperState, Observation, PixelWindow, Probe,
 };
-use nalgebra::Point3;
 
 use crate::{
     CatchingBot, Report,
     control::opening,
     grasp_selection::Grasp,
-    perception::{ObjectPose, camera_offsets::MIN_CAMERAS},
+    perception::camera_offsets::MIN_CAMERAS,
     trajectory_optimization::CatchPlan,
+    trajectory_prediction::{WINDOW, newest},
 };
-use explained::Explained;
 
-/// Images after which an object in flight is identified: with the first one nothing has moved yet.
-const IDENTIFY_IMAGES: usize = 3;
-/// Least speed of an object in flight, in m/s.
-const MIN_FLIGHT_MPS: f64 = 0.5;
-/// Largest speed of an object in flight, in m/s; a faster one has been exchanged for another object.
-const MAX_FLIGHT_MPS: f64 = 30.0;
-/// Longest time between two images of one flight, in seconds.
-const MAX_GAP_S: f64 = 0.1;
-/// An object that has been followed for so long without a plan is not caught any more, in seconds.
-const GIVE_UP_S: f64 = 1.5;
 /// Time from the catch on for the fingers to close upon the object, in seconds.
 const SQUEEZE_S: f64 = 0.3;
 /// Time for which an object is held after the catch, in seconds: longer than a referee looks at it.
@@ -41,15 +30,13 @@ const MIN_HELD_FRACTION: f64 = 0.5;
 const MAX_SENT: usize = 20;
 /// Time by which a motion may be overdue before it is sent anew, in seconds.
 const MAX_OVERDUE_S: f64 = 0.05;
-/// Least time between two images that determine a speed, in seconds.
-const LEAST_SPAN_S: f64 = 0.005;
 
 /// Phase of the catching cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// The arm stands in its ready pose; nothing flies that is known.
+    /// The arm stands in its ready pose; nothing comes that is known.
     Waiting,
-    /// An object is in flight, and identified.
+    /// A known object comes, and is identified.
     Catching,
     /// The object is between the fingers, and the arm stands still.
     Holding,
@@ -62,24 +49,11 @@ pub enum Phase {
     Stranded,
 }
 
-/// A known object's brain, and how well the object explains what flies.
-struct Candidate {
-    bot: CatchingBot,
-    /// Mismatch between this object and the images of the present flight.
-    explained: Explained,
-    /// Images of the present flight.
-    images: usize,
-    /// Time and position at which the object was seen last.
-    seen: Option<(f64, Point3<f64>)>,
-    /// True if the object stood still there.
-    rests: bool,
-}
-
 /// Brains of several objects, one for each, in one life.
 pub struct CatchingCycle {
     /// Placing posture: joint positions in radians, in which the gripper opens.
     place_q: JointVector,
-    candidates: Vec<Candidate>,
+    bots: Vec<CatchingBot>,
     phase: Phase,
     /// The object that flies or is held.
     active: usize,
@@ -102,10 +76,8 @@ impl CatchingCycle {
     pub fn new(place_q: JointVector, mut bots: Vec<CatchingBot>) -> Self {
         assert!(!bots.is_empty(), "a brain needs to know an object");
         bots.iter_mut().for_each(|it| it.tracker.compares_cameras = it.known.cameras.len() >= MIN_CAMERAS);
-        let candidate = |bot| Candidate { bot, explained: Explained::default(), images: 0, seen: None, rests: false };
-        let candidates = bots.into_iter().map(candidate).collect();
         let (phase, active) = (Phase::Waiting, 0);
-        Self { place_q, candidates, phase, active, since_s: 0.0, motion: None, sent: 0, has_released: false }
+        Self { place_q, bots, phase, active, since_s: 0.0, motion: None, sent: 0, has_released: false }
     }
 
     /// Phase of the cycle.
@@ -120,49 +92,54 @@ impl CatchingCycle {
 
     /// State and decision of the active object's brain in the last tick; `None` unless it catches.
     pub fn report(&self) -> Option<&Report> {
-        (self.phase == Phase::Catching).then(|| self.candidates[self.active].bot.report())
+        (self.phase == Phase::Catching).then(|| self.bots[self.active].report())
     }
 
     fn enter(&mut self, phase: Phase, now_s: f64) {
         (self.phase, self.since_s, self.motion, self.sent, self.has_released) = (phase, now_s, None, 0, false);
     }
 
-    /// Looks for what flies, with the eyes of all known objects; as long as the last one lies still its own
-    /// will do.
+    /// Looks for what falls to the arm, with the eyes of all known objects.
     fn wait(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
-        let last = self.active;
-        let mut newest = vec![None; self.candidates.len()];
-        newest[last] = self.candidates[last].look(observation);
-        let rests = newest[last].is_some() && self.candidates[last].rests;
-        for (i, candidate) in self.candidates.iter_mut().enumerate().filter(|(i, _)| *i != last) {
-            if rests {
-                candidate.forget();
-            } else {
-                newest[i] = candidate.look(observation);
-            }
-        }
+        let now_s = observation.time_s;
+        let perceive = |bot: &mut CatchingBot| {
+            bot.controller.acknowledge(observation, bot.tracker.flight());
+            bot.perceive(observation)
+        };
+        let poses: Vec<_> = self.bots.iter_mut().map(perceive).collect();
         probe.stage_ended("perception");
-        let most = self.candidates.iter().map(|it| it.images).max().unwrap_or(0);
-        if most < IDENTIFY_IMAGES {
-            return Command::default();
-        }
-        // An object whose model cannot be brought to lie on what is seen in some images is not the one.
-        let seen = self.candidates.iter().enumerate().filter(|(_, it)| it.images > 0 && it.images + 1 >= most);
-        self.active = explained::best(&seen.map(|(i, it)| (i, it.explained))).unwrap_or(self.active);
-        self.enter(Phase::Catching, observation.time_s);
-        self.candidates[self.active].bot.act_on(observation, newest[self.active], probe)
+        self.bots.iter_mut().for_each(|bot| {
+            bot.predict(observation);
+        });
+        probe.stage_ended("trajectory_prediction");
+        let Some(object) = self.identified(now_s) else { return Command::default() };
+        self.active = object;
+        self.enter(Phase::Catching, now_s);
+        self.bots[object].tracker.begin_throw();
+        self.bots[object].act_on(observation, poses[object], probe)
+    }
+
+    /// The object that falls to the arm: the one that explains the images best. A ball is also found in images
+    /// of a bottle, and falls there as well.
+    fn identified(&self, now_s: f64) -> Option<usize> {
+        let comes = |bot: &CatchingBot| bot.tracker.tracks.comes(&bot.known.search.motion, now_s);
+        let poses = |bot: &CatchingBot| newest(&bot.tracker.tracks.object.poses, WINDOW).iter().collect();
+        let coming = self.bots.iter().enumerate().filter(|(_, bot)| comes(bot));
+        explained::best(&coming.map(|(i, bot)| (i, poses(bot))).collect::<Vec<_>>())
     }
 
     fn catch(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
         let now_s = observation.time_s;
-        let bot = &mut self.candidates[self.active].bot;
+        let bot = &mut self.bots[self.active];
         let command = bot.tick(observation, probe);
         match bot.controller.plan() {
             Some(plan) if now_s > plan.catch_s + SQUEEZE_S && now_s > plan.trajectory.end_s() => {
                 let holds = is_held(&observation.gripper, plan);
                 self.enter(if holds { Phase::Holding } else { Phase::Returning }, now_s);
             }
-            None if now_s > self.since_s + GIVE_UP_S => self.enter(Phase::Returning, now_s),
+            None if bot.tracker.tracks.is_over(&bot.known.search.motion, now_s) => {
+                self.enter(Phase::Returning, now_s);
+            }
             _ => {}
         }
         command
@@ -171,13 +148,13 @@ impl CatchingCycle {
     /// A tick of a phase in which nothing is looked for: no camera needs to read out a pixel.
     fn without_images(&mut self, phase: fn(&mut Self, &Observation) -> Command, observation: &Observation) -> Command {
         let command = phase(self, observation);
-        let cameras = self.candidates[self.active].bot.known.cameras.len();
+        let cameras = self.bots[self.active].known.cameras.len();
         let is_over = self.phase == Phase::Returning;
         Command { windows: (!is_over).then(|| vec![PixelWindow::default(); cameras]), ..command }
     }
 
     fn hold(&mut self, observation: &Observation) -> Command {
-        let plan = self.candidates[self.active].bot.controller.plan();
+        let plan = self.bots[self.active].controller.plan();
         let caught_s = plan.map_or(self.since_s, |plan| plan.catch_s);
         if !plan.is_some_and(|plan| is_held(&observation.gripper, plan)) {
             self.enter(Phase::Returning, observation.time_s);
@@ -195,7 +172,7 @@ impl CatchingCycle {
             }
             return Command::default();
         }
-        let held = self.candidates[self.active].bot.controller.plan().map(|plan| plan.grasp.clone());
+        let held = self.bots[self.active].controller.plan().map(|plan| plan.grasp.clone());
         match self.go(observation, self.place_q, held.as_ref()) {
             Progress::Going(command) => command,
             // Where there is no way the object is put down where the arm stands.
@@ -208,18 +185,15 @@ impl CatchingCycle {
 
     fn go_back(&mut self, observation: &Observation) -> Command {
         let now_s = observation.time_s;
-        let ready_q = self.candidates[self.active].bot.known.search.motion.robot.ready_q;
+        let ready_q = self.bots[self.active].known.search.motion.robot.ready_q;
         let must_open = !std::mem::replace(&mut self.has_released, true);
         let mut command = Command::default();
         match self.go(observation, ready_q, None) {
             Progress::Going(going) => command = going,
             Progress::Arrived => {
-                let tracker = &self.candidates[self.active].bot.tracker;
+                let tracker = &self.bots[self.active].tracker;
                 let offsets = tracker.flight().map_or_else(Vec::new, |flight| tracker.camera_offsets(flight));
-                for candidate in &mut self.candidates {
-                    candidate.bot.end_throw(&offsets);
-                    candidate.forget();
-                }
+                self.bots.iter_mut().for_each(|bot| bot.end_throw(&offsets));
                 self.enter(Phase::Waiting, now_s);
             }
             Progress::NoWay => self.enter(Phase::Stranded, now_s),
@@ -229,8 +203,8 @@ impl CatchingCycle {
 
     fn opening(&self, now_s: f64) -> Vec<GripperMove> {
         // Wide enough for whatever is thrown next.
-        let width_m = self.candidates.iter().map(|it| it.bot.waiting_width_m()).fold(0.0, f64::max);
-        vec![opening(now_s, width_m, &self.candidates[self.active].bot.known.search.motion.gripper)]
+        let width_m = self.bots.iter().map(CatchingBot::waiting_width_m).fold(0.0, f64::max);
+        vec![opening(now_s, width_m, &self.bots[self.active].known.search.motion.gripper)]
     }
 
     /// Towards `to`, and whether the arm is there. A motion that was rejected or lost is sent anew.
@@ -244,7 +218,7 @@ impl CatchingCycle {
                 return if is_over { Progress::Arrived } else { Progress::Going(Command::default()) };
             }
         }
-        let bot = &mut self.candidates[self.active].bot;
+        let bot = &mut self.bots[self.active];
         let (known, from) = (bot.known.clone(), arm.commanded.q);
         if (from - to).amax() < 1e-9 {
             return Progress::Arrived;
@@ -279,41 +253,6 @@ enum Progress {
     NoWay,
 }
 
-impl Candidate {
-    /// Takes in new images. What rests, and what was somewhere else a moment ago, begins anew.
-    fn look(&mut self, observation: &Observation) -> Option<ObjectPose> {
-        self.bot.controller.acknowledge(observation, self.bot.tracker.flight());
-        let pose = self.bot.perceive(observation)?;
-        // Images of cameras that run freely come in any order, and so close to each other that they tell no
-        // speed.
-        if self.seen.is_some_and(|(before_s, _)| pose.capture_s < before_s + LEAST_SPAN_S) {
-            return Some(pose);
-        }
-        let p_WO = Point3::from(pose.X_WO.translation.vector);
-        let before = self.seen.replace((pose.capture_s, p_WO));
-        let flies = before.is_some_and(|(before_s, before_W)| {
-            let span_s = pose.capture_s - before_s;
-            let speed_mps = (p_WO - before_W).norm() / span_s;
-            span_s < MAX_GAP_S && (MIN_FLIGHT_MPS..MAX_FLIGHT_MPS).contains(&speed_mps)
-        });
-        let is_new = before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > MIN_FLIGHT_MPS * MAX_GAP_S);
-        self.rests = !flies && !is_new;
-        if !flies {
-            (self.images, self.explained) = (0, Explained::default());
-            // The pose of a resting object does not help to find it again once it has been thrown.
-            self.bot.tracker.keep_newest(usize::from(is_new));
-        }
-        self.images += 1;
-        self.explained.add(&pose);
-        Some(pose)
-    }
-
-    fn forget(&mut self) {
-        (self.images, self.explained, self.seen, self.rests) = (0, Explained::default(), None, false);
-        self.bot.tracker.keep_newest(0);
-    }
-}
-
 impl Brain for CatchingCycle {
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
         match self.phase {
@@ -327,10 +266,109 @@ impl Brain for CatchingCycle {
     }
 
     fn reset(&mut self) {
-        for candidate in &mut self.candidates {
-            candidate.bot.reset();
-            candidate.forget();
-        }
+        self.bots.iter_mut().for_each(Brain::reset);
         self.enter(Phase::Waiting, 0.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use catch_cell::DepthFrame;
+    use nalgebra::Point3;
+
+    use super::*;
+    use crate::{
+        Situation, Status,
+        control::{CatchPlanner, Decision},
+        perception::{ObjectPose, PerceptionStatus, PoseEstimator, Prior, View},
+        tracker::{
+            tests::{observation, preparation},
+            tracks::tests::{pose, thrown},
+        },
+    };
+
+    /// Where something is at a time, if anything is in sight.
+    type Path = fn(f64) -> Option<Point3<f64>>;
+
+    /// Finds an object on a path, whose silhouette is off by so much.
+    struct OnPath(Path, f64);
+
+    impl PoseEstimator for OnPath {
+        fn estimate(&mut self, view: &View<'_>, _: Prior) -> Result<ObjectPose, PerceptionStatus> {
+            let p_WO = self.0(view.capture_s()).ok_or(PerceptionStatus::NoPoints)?;
+            Ok(ObjectPose { silhouette_mismatch: Some(self.1), ..pose(view.capture_s(), p_WO) })
+        }
+
+        fn estimate_all(&mut self, view: &View<'_>, _: &[catch_body::Pose], found: &mut Vec<ObjectPose>) {
+            found.extend(self.estimate(view, Prior::Anywhere).ok());
+        }
+    }
+
+    /// Finds no catch.
+    struct NoCatch;
+
+    impl CatchPlanner for NoCatch {
+        fn plan(&mut self, _: &Situation<'_>) -> Decision {
+            Decision { status: Status::NoGrasp, plan: None, progress: Default::default() }
+        }
+    }
+
+    /// Phase and object of the cycle after each of 120 images a hundredth of a second apart, with objects that
+    /// are found with so large mismatches.
+    fn phases(path: Path, mask: Option<&[bool]>, mismatches: [f64; 3]) -> Vec<(Phase, usize)> {
+        let known = Arc::new(preparation());
+        let bot = |mismatch| {
+            let predictor = Box::new(known.flight_predictor(0));
+            CatchingBot::with_stages(known.clone(), Box::new(OnPath(path, mismatch)), predictor, Box::new(NoCatch))
+        };
+        let mut cycle = CatchingCycle::new(known.search.motion.robot.ready_q, mismatches.map(bot).into());
+        let tick = |i| {
+            let time_s = 0.01 * f64::from(i);
+            let (window, depth_m, mask) = (PixelWindow::default(), Vec::new(), mask.map(<[bool]>::to_vec));
+            let frames = vec![DepthFrame { camera: 0, capture_s: time_s, window, depth_m, mask }];
+            cycle.tick(&observation(time_s, &known, frames), &mut ());
+            (cycle.phase(), cycle.object())
+        };
+        (0..120).map(tick).collect()
+    }
+
+    /// The images during which the second object is caught, which is once.
+    fn caught(phases: &[(Phase, usize)]) -> std::ops::Range<usize> {
+        let is_caught = |it: &(Phase, usize)| *it == (Phase::Catching, 1);
+        let (first, last) = (phases.iter().position(is_caught).unwrap(), phases.iter().rposition(is_caught).unwrap());
+        assert!(phases[first..=last].iter().all(is_caught), "{phases:?}");
+        assert!(phases[..first].iter().all(|it| it.0 == Phase::Waiting), "{phases:?}");
+        assert_eq!(phases.last().unwrap().0, Phase::Waiting, "{phases:?}");
+        first..last
+    }
+
+    #[test]
+    fn a_hand_is_not_caught() {
+        let phases = phases(|time_s| Some(Point3::new(1.6 - 1.2 * time_s, 0.2, 0.9)), None, [1.0; 3]);
+        assert!(phases.iter().all(|it| it.0 == Phase::Waiting), "{phases:?}");
+    }
+
+    /// The object that explains the images best is taken for the one that comes. Where no catch is found, the
+    /// next throw is waited for once this one is over.
+    #[test]
+    fn what_comes_is_identified_and_given_up_when_it_has_passed() {
+        let caught = caught(&phases(|time_s| (time_s < 0.3).then(|| thrown(time_s)), None, [0.9, 0.4, 0.7]));
+        assert!((4..12).contains(&caught.start), "it is seen to fall at once, but not by chance: {caught:?}");
+        // It falls to the floor at 0.86 s.
+        assert!((60..87).contains(&caught.end), "{caught:?}");
+    }
+
+    /// Masks show an object also where it lies, before it is thrown.
+    #[test]
+    fn an_object_that_lay_in_sight_is_caught_as_soon_as_one_that_did_not() {
+        let path: Path = |time_s| match time_s < 0.3 {
+            true => Some(Point3::new(0.4, 0.6, 0.2)),
+            false => Some(thrown(time_s - 0.3)),
+        };
+        let lay = caught(&phases(path, Some(&[true]), [0.9, 0.4, 0.7]));
+        let alone = caught(&phases(|time_s| Some(thrown(time_s)), Some(&[true]), [0.9, 0.4, 0.7]));
+        assert!(lay.start.abs_diff(alone.start + 30) <= 1, "{lay:?} {alone:?}");
     }
 }

@@ -50,7 +50,10 @@ use catch_cell::{Brain, CameraModel, Command, GripperMove, KnownObject, Observat
 
 use control::{CatchPlanner, Controller, GripperPlan, Situation, opening};
 use perception::{CameraStatus, ObjectPose, PoseEstimator, camera_offsets::CameraOffset};
-use tracker::{Tracker, tracks::Track};
+use tracker::{
+    Tracker,
+    tracks::{Track, Tracks},
+};
 use trajectory_optimization::{CatchPlan, reach_map::ReachMap};
 use trajectory_prediction::{FlightPredictor, FlightTrajectory};
 
@@ -160,6 +163,9 @@ impl Brain for CatchingBot {
         } else {
             let pose = self.perceive(observation);
             probe.stage_ended("perception");
+            if self.predict(observation) {
+                probe.stage_ended("trajectory_prediction");
+            }
             self.act_on(observation, pose, probe)
         };
         let command = self.controller.amended(command);
@@ -193,6 +199,16 @@ impl CatchingBot {
         self.tracker.track(&observation.frames, &self.known, &mut *self.estimator)
     }
 
+    /// III-B: the flight that the poses agree on. Returns whether there was anything new to predict it from.
+    fn predict(&mut self, observation: &Observation) -> bool {
+        let tracks = &mut self.tracker.tracks;
+        let is_new = !observation.frames.is_empty() && !tracks.object.poses.is_empty();
+        if is_new {
+            tracks.predict(&mut *self.predictor, &self.known);
+        }
+        is_new
+    }
+
     fn close_report(&mut self, status: Status, pose: Option<ObjectPose>, command: Command) -> Command {
         let Self { tracker, controller, .. } = self;
         self.report.flight.clone_from(&tracker.tracks.object.flight);
@@ -220,28 +236,23 @@ impl CatchingBot {
         self.report = Report::default();
     }
 
-    /// Acts on the poses found so far; `pose` is the newest, if this tick found one.
+    /// III-C and III-D: acts on what has been seen so far; `pose` is the newest, if this tick found one.
     fn act_on(&mut self, observation: &Observation, pose: Option<ObjectPose>, probe: &mut dyn Probe) -> Command {
         if self.tracker.tracks.object.poses.is_empty() {
             return self.close_report(Status::NoObject, pose, Command::default());
         }
+        let windows = self.tracker.windows(observation, &self.known);
         if observation.frames.is_empty() {
             // What the last images showed has been acted on.
             let status = self.report.status.without_images(self.controller.plan().is_some());
-            let windows = self.tracker.windows(observation, &self.known);
             return self.close_report(status, None, Command { windows, ..Command::default() });
         }
-
-        // III-B: the flight that the poses agree on.
-        let flies = self.tracker.tracks.predict(&mut *self.predictor, &self.known);
-        let windows = self.tracker.windows(observation, &self.known);
-        probe.stage_ended("trajectory_prediction");
-        let Track { poses, flight } = &self.tracker.tracks.object;
+        let Tracks { object: Track { poses, flight }, flies, .. } = &self.tracker.tracks;
         let (true, [first, ..], Some(flight)) = (flies, &poses[..], flight) else {
             return self.close_report(Status::NoTrajectory, pose, Command { windows, ..Command::default() });
         };
 
-        // III-C and III-D: the running plan for the new flight, or a new grasp and plan.
+        // The running plan for the new flight, or a new grasp and plan.
         let decision = self.planner.plan(&Situation {
             observed_s: self.tracker.observed_s(),
             first_seen_s: first.capture_s,

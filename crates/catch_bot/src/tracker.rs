@@ -84,17 +84,16 @@ impl Tracker {
         CameraOffset::of_throw(images, self.alignment.cameras.len())
     }
 
+    /// A throw has begun: what single images showed before tells nothing of it.
+    pub fn begin_throw(&mut self) {
+        self.image_poses.clear();
+    }
+
     /// Forgets the throw, and remembers what is wrong with the cameras, also by how far they were off in it.
     pub fn end_throw(&mut self, offsets: &[CameraOffset], known: &Preparation) {
         self.health.end_throw(offsets, &known.config.perception);
         let (health, compared) = (self.health.clone(), self.compared);
         *self = Self { health, compared, ..Self::new(known, self.compares_cameras) };
-    }
-
-    /// Forgets the object's poses but for the newest `count`.
-    pub fn keep_newest(&mut self, count: usize) {
-        let poses = &mut self.tracks.object.poses;
-        poses.drain(..poses.len().saturating_sub(count));
     }
 
     /// Times of the newest observation with images and of the one before.
@@ -210,7 +209,7 @@ fn together(frames: &[DepthFrame], moves_as_known: bool) -> usize {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use catch_body::{Gripper, Pose, Robot, robot_file::RobotFiles};
     use catch_cell::{ArmState, GraspState, GripperState, Setpoint};
     use nalgebra::{Point3, Vector3};
@@ -235,7 +234,7 @@ mod tests {
         }
     }
 
-    pub(super) fn preparation() -> Preparation {
+    pub fn preparation() -> Preparation {
         let files = RobotFiles {
             urdf_file: "robot.urdf",
             urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf"),
@@ -248,7 +247,7 @@ mod tests {
         Preparation::new(Config::default(), (robot, None), gripper, synthetic::flight_rig(), &scan).unwrap()
     }
 
-    fn observation(time_s: f64, known: &Preparation, frames: Vec<DepthFrame>) -> Observation {
+    pub fn observation(time_s: f64, known: &Preparation, frames: Vec<DepthFrame>) -> Observation {
         let q = known.search.motion.robot.ready_q;
         let (dq, commanded) = (JointVector::zeros(), Setpoint::at_rest(q));
         let arm = ArmState { time_s, q, dq, commanded, executing: None, rejected: Vec::new() };

@@ -27,31 +27,40 @@ impl Mismatches {
     }
 }
 
-impl Explained {
-    /// Adds an image in which the object was found.
-    pub fn add(&mut self, pose: &ObjectPose) {
-        self.points.add(pose.points_mismatch);
-        self.silhouette.add(pose.silhouette_mismatch);
+impl<'a> FromIterator<&'a ObjectPose> for Explained {
+    /// Mismatch of the images in which the object was found at these poses.
+    fn from_iter<I: IntoIterator<Item = &'a ObjectPose>>(poses: I) -> Self {
+        let mut explained = Self::default();
+        for pose in poses {
+            explained.points.add(pose.points_mismatch);
+            explained.silhouette.add(pose.silhouette_mismatch);
+        }
+        explained
     }
 }
 
 /// The number of the object that explains its images best. All are compared by points or all by silhouettes:
 /// by what tells of more images of the object of which it tells least, and by silhouettes where both do.
-pub fn best(objects: &(impl Iterator<Item = (usize, Explained)> + Clone)) -> Option<usize> {
-    let images = |of: fn(&Explained) -> &Mismatches| objects.clone().map(|(_, it)| of(&it).images).min();
+pub fn best(objects: &[(usize, Explained)]) -> Option<usize> {
+    let images = |of: fn(&Explained) -> &Mismatches| objects.iter().map(|(_, it)| of(it).images).min();
     let by_points = images(|it| &it.points) > images(|it| &it.silhouette);
     let mean = |it: &Explained| if by_points { it.points.mean() } else { it.silhouette.mean() };
-    objects.clone().min_by(|a, b| mean(&a.1).total_cmp(&mean(&b.1))).map(|(i, _)| i)
+    objects.iter().min_by(|a, b| mean(&a.1).total_cmp(&mean(&b.1))).map(|(i, _)| *i)
 }
 
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
 
+    use nalgebra::Point3;
+
     use super::*;
-    use crate::perception::{
-        Config, PoseEstimator, Prior, ReferenceModel, SdfEstimator, View, Workspace,
-        synthetic::{self, Noise, Normal, Shape},
+    use crate::{
+        perception::{
+            Config, PoseEstimator, Prior, ReferenceModel, SdfEstimator, View, Workspace,
+            synthetic::{self, Noise, Normal, Shape},
+        },
+        tracker::tracks::tests::pose,
     };
 
     /// With hardly any noise the right object is compared by its points, while the others also use the
@@ -68,21 +77,21 @@ mod tests {
             let X_WR = X_WO * references[thrown].X_RO.inverse();
             let mut objects = references.each_ref().map(|it| {
                 let estimator = SdfEstimator::new(config.clone(), it.clone(), Workspace::default());
-                (estimator, X_WR * it.X_RO, Explained::default())
+                (estimator, X_WR * it.X_RO, Vec::new())
             });
             let (mut on_points, mut on_both) = (0, 0);
             for seed in 1..6 {
                 let noise = Noise::Constant(0.0002);
                 let frames = synthetic::depth_frames(&cameras, shape, &X_WR, noise, &mut Normal::new(seed));
                 let view = View { frames: &frames, cameras: &cameras, ..View::default() };
-                for (estimator, X_WO, explained) in &mut objects {
+                for (estimator, X_WO, poses) in &mut objects {
                     let pose = estimator.estimate(&view, Prior::Pose(*X_WO)).unwrap();
-                    explained.add(&pose);
+                    poses.push(pose);
                     *(if pose.silhouette_mismatch.is_some() { &mut on_both } else { &mut on_points }) += 1;
                 }
             }
-            let explained = objects.map(|it| it.2);
-            assert_eq!(best(&explained.into_iter().enumerate()), Some(thrown), "{explained:?}");
+            let explained = objects.map(|it| it.2.iter().collect::<Explained>());
+            assert_eq!(best(&[(0, explained[0]), (1, explained[1])]), Some(thrown), "{explained:?}");
             assert!(on_points > 0 && on_both > 0, "{on_points} {on_both}: all of one kind");
         }
     }
@@ -91,17 +100,19 @@ mod tests {
     #[test]
     fn what_only_some_objects_have_does_not_decide() {
         let explained = |points: &[f64], silhouettes: &[f64]| {
-            let mut it = Explained::default();
-            points.iter().for_each(|mismatch| it.points.add(Some(*mismatch)));
-            silhouettes.iter().for_each(|mismatch| it.silhouette.add(Some(*mismatch)));
-            it
+            let pose = |i: usize| ObjectPose {
+                points_mismatch: points.get(i).copied(),
+                silhouette_mismatch: silhouettes.get(i).copied(),
+                ..pose(0.0, Point3::origin())
+            };
+            (0..5).map(pose).collect::<Vec<_>>().iter().collect::<Explained>()
         };
         let right = explained(&[4.0; 5], &[1.0]);
         let wrong = explained(&[60.0; 5], &[0.5, 3.0, 3.0, 3.0, 3.0]);
-        assert_eq!(best(&[wrong, right].into_iter().enumerate()), Some(1));
+        assert_eq!(best(&[(0, wrong), (1, right)]), Some(1));
         // Without depths that show a shape there are silhouettes alone.
         let (right, wrong) = (explained(&[], &[1.0; 5]), explained(&[], &[2.0; 5]));
-        assert_eq!(best(&[wrong, right].into_iter().enumerate()), Some(1));
-        assert_eq!(best(&std::iter::empty()), None);
+        assert_eq!(best(&[(0, wrong), (1, right)]), Some(1));
+        assert_eq!(best(&[]), None);
     }
 }

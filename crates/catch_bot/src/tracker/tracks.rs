@@ -18,7 +18,7 @@ const PARABOLA_S: RangeInclusive<f64> = 0.005..=0.15;
 pub(super) const POSES: usize = 1024;
 /// Largest speed of a thing beside what is expected of it, in m/s.
 const UNEXPECTED_MPS: f64 = 15.0;
-/// Time before the newest pose from which on a flight is checked for leading to the arm, in seconds.
+/// Time before the newest pose from which on a flight counts as one that leads to the arm, in seconds.
 const PAST_S: f64 = 1.0;
 /// Number of steps of that check, and the length of one in seconds.
 const STEPS: usize = 125;
@@ -41,6 +41,8 @@ pub(crate) struct Tracks {
     pub object: Track,
     /// Other things that move, as long as any of them could be the object.
     others: Vec<Track>,
+    /// True if the object flies, by all images so far.
+    pub flies: bool,
     /// True if the object flies to the arm: nothing else is looked for.
     pub(super) is_followed: bool,
     /// Capture time of the newest image without a mask. Masks tell the object from all else.
@@ -100,6 +102,11 @@ impl Track {
         (distance_m < radius_m + GATE_M + unexpected_m).then_some(distance_m)
     }
 
+    /// Returns whether the flight leads, or lately led, to the arm.
+    fn leads_or_led_to(&self, arm: &MotionPlanner) -> bool {
+        self.flight.as_ref().is_some_and(|flight| self.leads_to(arm, flight.time_s - PAST_S))
+    }
+
     /// Predicts the flight that the poses agree on. The last one stays where there is none.
     pub fn predict(
         &mut self,
@@ -114,17 +121,21 @@ impl Track {
         Ok(())
     }
 
-    /// Returns whether the poses show that it falls freely.
-    fn falls(&self) -> bool {
-        let evidence = self.flight.as_ref().and_then(|flight| log_evidence(&self.poses, flight));
-        evidence.is_some_and(|evidence| evidence > LEAST_EVIDENCE)
+    /// Logarithm of how much likelier the poses are of a thing that falls freely. `None` if they do not tell.
+    fn evidence(&self) -> Option<f64> {
+        self.flight.as_ref().and_then(|flight| log_evidence(&self.poses, flight))
     }
 
-    /// Returns whether the flight leads, or lately led, to where the gripper can be above the floor.
-    pub fn leads_to(&self, arm: &MotionPlanner) -> bool {
+    /// Returns whether the poses show that it falls freely.
+    fn falls(&self) -> bool {
+        self.evidence().is_some_and(|evidence| evidence > LEAST_EVIDENCE)
+    }
+
+    /// Returns whether the flight leads, from a time on, to where the gripper can be above the floor.
+    fn leads_to(&self, arm: &MotionPlanner, from_s: f64) -> bool {
         let (Some(flight), Some(first)) = (&self.flight, self.poses.first()) else { return false };
         let (base, reach_m) = (arm.robot.X_WB.translation.vector.into(), arm.longest_reach_m());
-        let (mut flown, from_s) = (flight.propagator(), first.capture_s.max(flight.time_s - PAST_S));
+        let (mut flown, from_s) = (flight.propagator(), first.capture_s.max(from_s));
         let path = (0..STEPS).map(|i| flown.position_at(from_s + STEP_S * i as f64));
         let in_air = path.skip_while(|p_W| p_W.z <= FLOOR_Z_M).take_while(|p_W| p_W.z > FLOOR_Z_M);
         in_air.map(|p_W| nalgebra::distance(&p_W, &base)).any(|distance_m| distance_m < reach_m)
@@ -135,13 +146,23 @@ impl Tracks {
     /// Nothing yet, with room for the object's poses.
     pub fn new() -> Self {
         let object = Track { poses: Vec::with_capacity(POSES), flight: None };
-        Self { object, others: Vec::new(), is_followed: false, unlabelled_s: None }
+        Self { object, others: Vec::new(), flies: false, is_followed: false, unlabelled_s: None }
     }
 
     /// The object's flight, if it leads to the arm and the object was seen lately at a time.
     pub fn followed(&self, time_s: f64) -> Option<&FlightTrajectory> {
         let is_lost = |flight: &FlightTrajectory| self.unlabelled_s.is_some() && time_s > flight.time_s + LOST_AFTER_S;
         self.object.flight.as_ref().filter(|flight| self.is_followed && !is_lost(flight))
+    }
+
+    /// Returns whether the object falls freely to the arm.
+    pub fn comes(&self, arm: &MotionPlanner, now_s: f64) -> bool {
+        self.object.falls() && self.object.leads_to(arm, now_s)
+    }
+
+    /// Returns whether the object no longer falls to the arm: it has passed, or was none that falls.
+    pub fn is_over(&self, arm: &MotionPlanner, now_s: f64) -> bool {
+        !self.object.leads_to(arm, now_s) || self.object.evidence().is_some_and(|evidence| evidence < 0.0)
     }
 
     /// Tracks the object alone, where it is known which thing that is.
@@ -155,6 +176,10 @@ impl Tracks {
         let mut pose = estimator.estimate(view, expected.into()).ok()?;
         if let Some(T) = estimator.turned_over() {
             self.object.poses.iter_mut().for_each(|it| it.X_WO *= T);
+            self.object.flight = None;
+        } else if self.object.distance_m(&pose, reference.radius_m).is_none() {
+            // Another object, or this one at another place.
+            self.object.poses.clear();
             self.object.flight = None;
         } else if let Some(X_WO) = &expected {
             pose.X_WO.rotation = reference.symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
@@ -206,23 +231,23 @@ impl Tracks {
         object.poses.last().filter(|pose| pose.capture_s == now_s).copied()
     }
 
-    /// Predicts the object's flight, and returns whether it flies. As long as it does not, or not to the arm,
-    /// another thing that does is the object.
-    pub fn predict(&mut self, predictor: &mut dyn FlightPredictor, known: &Preparation) -> bool {
+    /// Predicts the object's flight. As long as it does not fly, or not to the arm, another thing that does is
+    /// the object.
+    pub fn predict(&mut self, predictor: &mut dyn FlightPredictor, known: &Preparation) {
         let (symmetry, arm) = (&known.reference.symmetry, &known.search.motion);
         let are_labelled = self.unlabelled_s.is_none();
         let is_predicted = self.object.predict(predictor, symmetry).is_ok();
-        let flies = is_predicted && (are_labelled || self.is_followed || self.object.falls());
-        self.is_followed = are_labelled || flies && self.object.leads_to(arm);
+        self.flies = is_predicted && (are_labelled || self.is_followed || self.object.falls());
+        self.is_followed = are_labelled || self.flies && self.object.leads_or_led_to(arm);
         if self.unlabelled_s.is_none_or(|now_s| self.followed(now_s).is_some()) {
             self.others.clear();
-            return flies;
+            return;
         }
-        let leads = |it: &mut Track| it.predict(predictor, symmetry).is_ok() && it.falls() && it.leads_to(arm);
-        let Some(i) = self.others.iter_mut().position(leads) else { return flies };
-        std::mem::swap(&mut self.object, &mut self.others[i]);
-        self.is_followed = true;
-        true
+        let leads = |it: &mut Track| it.predict(predictor, symmetry).is_ok() && it.falls() && it.leads_or_led_to(arm);
+        if let Some(i) = self.others.iter_mut().position(leads) {
+            std::mem::swap(&mut self.object, &mut self.others[i]);
+            (self.flies, self.is_followed) = (true, true);
+        }
     }
 }
 
@@ -252,7 +277,7 @@ pub(crate) mod tests {
     }
 
     /// A throw to the arm.
-    fn thrown(time_s: f64) -> Point3<f64> {
+    pub fn thrown(time_s: f64) -> Point3<f64> {
         Point3::new(2.6 - 2.9 * time_s, 2.6 - 4.0 * time_s, 0.5 + 3.6 * time_s - 4.905 * time_s * time_s)
     }
 
@@ -281,7 +306,7 @@ pub(crate) mod tests {
         let known = preparation();
         let leads = |p_WOcm: Point3<f64>, v_WOcm: Vector3<f64>| {
             let flight = FlightTrajectory { p_WOcm, v_WOcm, ..FlightTrajectory::default() };
-            tracked(p_WOcm, flight).leads_to(&known.search.motion)
+            tracked(p_WOcm, flight).leads_or_led_to(&known.search.motion)
         };
         let (from, to_arm) = (Point3::new(3.0, 0.0, 1.0), Vector3::new(-5.0, 0.0, 2.0));
         assert!(leads(from, to_arm));
@@ -295,10 +320,10 @@ pub(crate) mod tests {
             ..FlightTrajectory::default()
         };
         let track = tracked(from, flight);
-        assert!(track.leads_to(&known.search.motion), "it has passed the arm");
+        assert!(track.leads_or_led_to(&known.search.motion), "it has passed the arm");
         let flight = FlightTrajectory { time_s: 3.0, p_WOcm: from, v_WOcm: to_arm, ..FlightTrajectory::default() };
         let track = tracked(from, flight);
-        assert!(track.leads_to(&known.search.motion), "it was seen long before");
+        assert!(track.leads_or_led_to(&known.search.motion), "it was seen long before");
     }
 
     /// A thing that was seen once, and its flight.
@@ -328,7 +353,7 @@ pub(crate) mod tests {
     }
 
     /// Tracks what is in images a hundredth of a second apart, and hands over what came of each.
-    fn track(estimator: &mut HandAndObject, images: u32, mut each: impl FnMut(f64, &Tracks, bool)) {
+    fn track(estimator: &mut HandAndObject, images: u32, mut each: impl FnMut(f64, &Tracks)) {
         let known = preparation();
         let (mut tracks, mut predictor) = (Tracks::new(), known.flight_predictor(1));
         for i in 0..images {
@@ -341,8 +366,8 @@ pub(crate) mod tests {
                 Some(_) => tracks.follow(&view, &known.reference, estimator),
                 None => tracks.search(&view, &known.reference, estimator),
             };
-            let flies = tracks.predict(&mut predictor, &known);
-            each(time_s, &tracks, flies);
+            tracks.predict(&mut predictor, &known);
+            each(time_s, &tracks);
         }
     }
 
@@ -350,9 +375,10 @@ pub(crate) mod tests {
     fn what_flies_to_the_arm_is_the_object_whatever_was_seen_before() {
         let hand = |time_s: f64| Point3::new(2.0, -1.4 - 1.5 * time_s, 0.9);
         let mut nearest = Vec::new();
-        track(&mut HandAndObject { hand, is_thrown: true }, 12, |time_s, tracks, flies| {
+        track(&mut HandAndObject { hand, is_thrown: true }, 12, |time_s, tracks| {
             let p_WO = Point3::from(tracks.object.poses.last().unwrap().X_WO.translation.vector);
             nearest.push(if nalgebra::distance(&p_WO, &thrown(time_s)) < 1e-9 { "object" } else { "hand" });
+            let flies = tracks.flies;
             assert_eq!(flies, nearest.ends_with(&["object"]));
             assert_eq!(flies, tracks.followed(time_s).is_some());
             let is_mixed = tracks.object.poses.iter().any(|it| it.X_WO != thrown(it.capture_s).into());
@@ -367,9 +393,9 @@ pub(crate) mod tests {
     fn a_hand_that_comes_to_the_arm_does_not_fly() {
         let hand = |time_s: f64| Point3::new(1.6 - 1.2 * time_s, 0.2, 0.9);
         let (known, mut predicted) = (preparation(), 0);
-        track(&mut HandAndObject { hand, is_thrown: false }, 60, |time_s, tracks, flies| {
-            assert!(!flies && tracks.followed(time_s).is_none(), "{time_s}");
-            predicted += usize::from(tracks.object.leads_to(&known.search.motion));
+        track(&mut HandAndObject { hand, is_thrown: false }, 60, |time_s, tracks| {
+            assert!(!tracks.flies && tracks.followed(time_s).is_none(), "{time_s}");
+            predicted += usize::from(tracks.object.leads_or_led_to(&known.search.motion));
         });
         assert!(predicted > 10, "some flights were near its path, and led to the arm: {predicted}");
     }

@@ -83,7 +83,7 @@ impl Default for Config {
 /// them whatever they are.
 pub const FIRST_AFTER: usize = 3;
 /// Newest poses at most that sampling looks at (paper, III-B).
-const WINDOW: usize = 30;
+pub(crate) const WINDOW: usize = 30;
 /// Newest poses at most that the fit looks at: a second of them, since each adds information.
 const FIT_WINDOW: usize = 100;
 /// A pose agrees with a flight within this distance, in metres (original).
@@ -120,7 +120,7 @@ pub fn sampled(poses: &[ObjectPose], first_after: usize) -> Result<&[ObjectPose]
 }
 
 /// The newest poses, so many at most.
-fn newest(poses: &[ObjectPose], most: usize) -> &[ObjectPose] {
+pub(crate) fn newest(poses: &[ObjectPose], most: usize) -> &[ObjectPose] {
     &poses[poses.len().saturating_sub(most)..]
 }
 
