@@ -34,9 +34,9 @@ const MAX_OVERDUE_S: f64 = 0.05;
 /// Phase of the catching cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// The arm stands in its ready pose; nothing comes that is known.
+    /// The arm stands in its ready pose; nothing that is known falls to it.
     Waiting,
-    /// A known object comes, and is identified.
+    /// A known object falls to the arm, and is identified.
     Catching,
     /// The object is between the fingers, and the arm stands still.
     Holding,
@@ -122,10 +122,10 @@ impl CatchingCycle {
     /// The object that falls to the arm: the one that explains the images best. A ball is also found in images
     /// of a bottle, and falls there as well.
     fn identified(&self, now_s: f64) -> Option<usize> {
-        let comes = |bot: &CatchingBot| bot.tracker.tracks.comes(&bot.known.search.motion, now_s);
+        let falls = |bot: &CatchingBot| bot.tracker.tracks.falls_to(&bot.known.search.motion, now_s);
         let poses = |bot: &CatchingBot| newest(&bot.tracker.tracks.object.poses, WINDOW).iter().collect();
-        let coming = self.bots.iter().enumerate().filter(|(_, bot)| comes(bot));
-        explained::best(&coming.map(|(i, bot)| (i, poses(bot))).collect::<Vec<_>>())
+        let falling = self.bots.iter().enumerate().filter(|(_, bot)| falls(bot));
+        explained::best(&falling.map(|(i, bot)| (i, poses(bot))).collect::<Vec<_>>())
     }
 
     fn catch(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
@@ -350,10 +350,10 @@ mod tests {
         assert!(phases.iter().all(|it| it.0 == Phase::Waiting), "{phases:?}");
     }
 
-    /// The object that explains the images best is taken for the one that comes. Where no catch is found, the
+    /// The object that explains the images best is taken for the one that falls. Where no catch is found, the
     /// next throw is waited for once this one is over.
     #[test]
-    fn what_comes_is_identified_and_given_up_when_it_has_passed() {
+    fn what_falls_is_identified_and_given_up_when_it_has_passed() {
         let caught = caught(&phases(|time_s| (time_s < 0.3).then(|| thrown(time_s)), None, [0.9, 0.4, 0.7]));
         assert!((4..12).contains(&caught.start), "it is seen to fall at once, but not by chance: {caught:?}");
         // It falls to the floor at 0.86 s.

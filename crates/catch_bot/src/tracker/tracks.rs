@@ -156,7 +156,7 @@ impl Tracks {
     }
 
     /// Returns whether the object falls freely to the arm.
-    pub fn comes(&self, arm: &MotionPlanner, now_s: f64) -> bool {
+    pub fn falls_to(&self, arm: &MotionPlanner, now_s: f64) -> bool {
         self.object.falls() && self.object.leads_to(arm, now_s)
     }
 
