@@ -22,7 +22,7 @@ pub struct CellFile {
     pub rig: String,
     /// Fraction of the limits of velocity, acceleration and jerk that motions may use.
     #[serde(default = "first_speed_scaling")]
-    pub speed_scaling: quantity::limit_factor,
+    pub speed_scaling: quantity::limit_scaling,
     /// Link to the arm.
     pub arm: ArmLink,
     /// Link to the gripper, where it has one of its own.
@@ -94,9 +94,6 @@ impl CellFile {
         if let Some(i) = (0..3).find(|&i| low_m[i] >= high_m[i]) {
             let expected = format!("more than safe_box.low_m[{i}], which is {}", low_m[i]);
             return Err(InputError::new(file, format!("safe_box.high_m[{i}]"), high_m[i], expected));
-        }
-        if cell.speed_scaling > 1.0 {
-            return Err(InputError::new(file, "speed_scaling", cell.speed_scaling, "at most 1"));
         }
         let hand = cell.hand.iter().map(|it| {
             (

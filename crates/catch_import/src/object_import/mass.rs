@@ -81,6 +81,10 @@ impl Stated {
         uniform: &Inertia,
         solid: &TriangleMesh,
     ) -> Option<Matrix3<f64>> {
+        if about_com == Matrix3::zeros() {
+            self.findings.push("no file says moments of inertia: those of uniform density".to_owned());
+            return None;
+        }
         let sorted = |inertia: &Matrix3<f64>| {
             let mut moments = <[f64; 3]>::from(inertia.symmetric_eigenvalues());
             moments.sort_by(f64::total_cmp);

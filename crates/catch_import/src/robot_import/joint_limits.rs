@@ -25,11 +25,12 @@ const HARMLESS: Harmless =
 /// Limits by the names of their joints, wherever in the document `joint_limits` stands.
 ///
 /// # Errors
-/// A line that is no YAML, a number that is none or out of its range, a key that is not known.
+/// A line that is no YAML, a document of other than keys, a number that is none or out of its range, a key
+/// that is not known.
 pub fn read(file: &str, text: &str) -> Result<BTreeMap<String, StatedLimits>, InputError> {
     let document = yaml::document(file, text)?;
     let mut all = BTreeMap::new();
-    let mut waiting = vec![document.root()];
+    let mut waiting = vec![yaml::table(document.root())?];
     while let Some(node) = waiting.pop() {
         for limits in node.children("joint_limits") {
             for joint in yaml::table(limits)?.elements() {
@@ -136,6 +137,7 @@ mod tests {
             ("joint_limits: {a: 1.0}", "line 1: joint_limits.a: found `1.0`, expected a table"),
             ("joint_limits: 5", "line 1: joint_limits: found `5`, expected a table"),
             ("joint_limits: [5]", "line 1: joint_limits: found a list, expected a table"),
+            ("joint_limits\n  a\n    max_velocity 0.5", "found `joint_limits a max_velocity 0.5`, expected a table"),
             ("{a: 1}", "line 1: a: found `a`, which is not read"),
         ] {
             let fault = read("joint_limits.yaml", text).unwrap_err().to_string();

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use catch_body::{InputError, document::Document};
+use catch_body::{InputError, document::Document, statistics::median_in_place};
 use nalgebra::{Point3, Quaternion, UnitQuaternion};
 
 use catch_recording::bounded_file::{FileKind, paths_in};
@@ -42,8 +42,8 @@ pub fn in_folder(folder: &Path, least: usize) -> Result<Vec<PathBuf>, InputError
 /// stands there twice is read once.
 ///
 /// # Errors
-/// A file that cannot be read, rows with another number of columns or with words, times that do not rise, or
-/// no sighting.
+/// A file that cannot be read, rows with another number of columns or with words, times that do not rise or
+/// are far apart, or no sighting.
 pub fn read(path: &Path) -> Result<(Vec<Sighting>, f64), InputError> {
     let file = path.display().to_string();
     parse(&file, &FileKind::text("a readable CSV file of t,x,y,z").read_text(path)?)
@@ -111,8 +111,19 @@ pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError>
     if sightings.is_empty() {
         return Err(InputError::new(file, "rows", "none with numbers in all columns", "rows of t,x,y,z"));
     }
+    let mut apart_s: Vec<f64> = sightings.windows(2).map(|it| it[1].time_s - it[0].time_s).collect();
+    if !apart_s.is_empty() {
+        let apart_s = median_in_place(&mut apart_s);
+        if apart_s > MOST_APART_S {
+            let expected = format!("seconds, and rows {MOST_APART_S} s apart or less: a flight is over soon");
+            return Err(InputError::new(file, "t", format!("rows {apart_s} apart"), expected));
+        }
+    }
     Ok((sightings, end_s))
 }
+
+/// Median time between two rows at most.
+const MOST_APART_S: f64 = 0.5;
 
 /// What is farther, in whatever unit, is no sighting; its square may be no number.
 const FARTHEST: f64 = 1e100;
@@ -208,6 +219,7 @@ mod tests {
             ("0,1,2,3,9,0,0,1\n", "line 1"),
             ("0,1,2,3,0,0,0,0\n", "line 1: found a quaternion of length 0.000"),
             ("t,x,y,z\n", "rows"),
+            ("0,1,2,3\n5,1,2,4\n10,1,2,5\n", "t: found rows 5 apart, expected seconds"),
         ] {
             let fault = parse("t.csv", text).unwrap_err().to_string();
             assert!(fault.contains(&format!("t.csv: {line}")), "{text:?}: {fault}");
