@@ -30,7 +30,8 @@ pub struct ImportOptions {
     pub scale: Option<f64>,
     /// Mass in kg, whatever a description says.
     pub mass_kg: Option<f64>,
-    /// Width in metres up to which holes are filled; a fraction of the longest side otherwise.
+    /// Width in metres up to which holes are filled, and gaps in a scan closed; a fraction of the longest side
+    /// otherwise.
     pub largest_hole_m: Option<f64>,
 }
 
@@ -52,6 +53,8 @@ pub struct ImportedObject {
 
 /// Holes are filled up to this fraction of the longest side.
 const LARGEST_HOLE: f64 = 0.15;
+/// Narrower gaps, in metres, are between the points of any scan.
+const LEAST_GAP_M: f64 = 0.008;
 /// Triangles of an object; more take long to cut into convex parts, and show nothing that a camera in the
 /// room could see.
 const MOST_TRIANGLES: usize = 30_000;
@@ -87,6 +90,11 @@ impl ImportedObject {
         check_length(&file, "the shape", length_m, "a mesh in millimetres needs `--scale 0.001`")?;
 
         let largest_hole_m = options.largest_hole_m.unwrap_or(LARGEST_HOLE * length_m);
+        if source.gap_m > largest_hole_m.max(LEAST_GAP_M) {
+            let found = format!("none on a part of the surface that is {:.0} mm wide", source.gap_m * 1e3);
+            let expected = "points all around a solid; `--fill-holes METRES` closes wider gaps";
+            return Err(InputError::new(file, "points", found, expected));
+        }
         let surface = std::mem::take(&mut source.surface);
         let (mut mesh, repairs) = repaired(&file, &surface, largest_hole_m)?;
         drop(surface);

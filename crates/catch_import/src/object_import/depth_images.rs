@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use catch_body::{InputError, TriangleMesh, statistics::median_in_place};
+use catch_body::{InputError, statistics::median_in_place};
 use catch_bot::perception::ReferenceModel;
 use catch_cell::{CameraModel, DepthFrame, ReferenceScan, rig_from_toml};
 use nalgebra::Point3;
 
-use super::scan;
+use super::scan::{self, Scanned};
 use catch_lab::png;
 use catch_recording::bounded_file::{FileKind, paths_in};
 
@@ -35,12 +35,11 @@ const MOST_USUAL: f64 = 0.5;
 /// An image, by its extension.
 const IMAGE: FileKind = FileKind::geometry("a depth image: a PNG file with 16 bits of gray");
 
-/// The surface that the images of a folder show, in units of `scale` metres if that is given, else in metres,
-/// and what was found on the way.
+/// The surface that the images of a folder show, in units of `scale` metres if that is given, else in metres.
 ///
 /// # Errors
 /// A fault of the rig or an image, another number of images than of cameras, no object at the origin.
-pub(super) fn surface(folder: &Path, scale: Option<f64>) -> Result<(TriangleMesh, Vec<String>), InputError> {
+pub(super) fn surface(folder: &Path, scale: Option<f64>) -> Result<Scanned, InputError> {
     let named = folder.display().to_string();
     let rig = folder.join(RIG);
     let text = FileKind::toml("the cameras of the scan").read_text(&rig)?;

@@ -13,7 +13,11 @@ use crate::{
 use catch_body::{InputError, TriangleMesh, document::root_element, quantity, robot::Inertia};
 use nalgebra::{Point3, Vector3};
 
-use super::{depth_images, hulls_m3, scan, unit_of};
+use super::{
+    depth_images, hulls_m3,
+    scan::{self, Scanned},
+    unit_of,
+};
 use catch_recording::{
     bounded_file::{FileKind, paths_in},
     whole_file::COMMAND_LINE,
@@ -64,6 +68,8 @@ pub(super) struct Source {
     parts: Vec<TriangleMesh>,
     /// Findings that a reader may want to know.
     pub findings: Vec<String>,
+    /// Width of the widest part of the surface on which a scan shows nothing, in metres.
+    pub gap_m: f64,
 }
 
 impl Source {
@@ -80,9 +86,9 @@ impl Source {
             return Err(InputError::new(COMMAND_LINE, "--link", found, "a description, SDF or URDF, or no --link"));
         }
         if is_scan {
-            let (surface, findings) = depth_images::surface(&path, scale)?;
+            let Scanned { surface, findings, gap_m } = depth_images::surface(&path, scale)?;
             let (file, named) = (path.display().to_string(), format!("depth images of {}", path.display()));
-            return Ok(Self { file, named, surface, in_metres: true, findings, ..Self::default() });
+            return Ok(Self { file, named, surface, in_metres: true, findings, gap_m, ..Self::default() });
         }
         let named = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if !is_description {
@@ -91,8 +97,8 @@ impl Source {
             if is_cloud(&path, &bytes) {
                 let cloud = cloud_file::parse(&file, &bytes, false)?;
                 let scale = scale.unwrap_or_else(|| unit_of(scan::length(&cloud)).map_or(1.0, |(_, scale)| scale));
-                let (surface, findings) = scan::surface(&file, cloud, scale)?;
-                return Ok(Self { file, named, surface, findings, ..Self::default() });
+                let Scanned { surface, findings, gap_m } = scan::surface(&file, cloud, scale)?;
+                return Ok(Self { file, named, surface, findings, gap_m, ..Self::default() });
             }
             drop(bytes);
             if !ENDINGS.iter().any(|it| it.contains(&ending(&path).as_str())) {
