@@ -55,7 +55,7 @@ pub struct ImportArguments {
     /// Mass in kg [default: the description's, or that of the volume at 500 kg/m³]
     #[arg(long, value_name = "KG", value_parser = number)]
     mass: Option<f64>,
-    /// Fill holes, and gaps between points, up to this width in metres [default: 0.15 of the longest side]
+    /// Fill holes up to this width in metres [default: 0.15 of the longest side, 0.25 in a scan]
     #[arg(long, value_name = "N", value_parser = number)]
     fill_holes: Option<f64>,
 }

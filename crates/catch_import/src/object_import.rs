@@ -53,6 +53,8 @@ pub struct ImportedObject {
 
 /// Holes are filled up to this fraction of the longest side.
 const LARGEST_HOLE: f64 = 0.15;
+/// Gaps in a scan are closed up to this fraction of the longest side: nobody sees all of the inside of a cup.
+const LARGEST_GAP: f64 = 0.25;
 /// Narrower gaps, in metres, are between the points of any scan.
 const LEAST_GAP_M: f64 = 0.008;
 /// Triangles of an object; more take long to cut into convex parts, and show nothing that a camera in the
@@ -90,7 +92,8 @@ impl ImportedObject {
         check_length(&file, "the shape", length_m, "a mesh in millimetres needs `--scale 0.001`")?;
 
         let largest_hole_m = options.largest_hole_m.unwrap_or(LARGEST_HOLE * length_m);
-        if source.gap_m > largest_hole_m.max(LEAST_GAP_M) {
+        let largest_gap_m = options.largest_hole_m.unwrap_or(LARGEST_GAP * length_m);
+        if source.gap_m > largest_gap_m.max(LEAST_GAP_M) {
             let found = format!("none on a part of the surface that is {:.0} mm wide", source.gap_m * 1e3);
             let expected = "points all around a solid; `--fill-holes METRES` closes wider gaps";
             return Err(InputError::new(file, "points", found, expected));
