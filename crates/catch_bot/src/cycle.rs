@@ -119,8 +119,8 @@ impl CatchingCycle {
         self.bots[object].act_on(observation, poses[object], probe)
     }
 
-    /// The object that falls to the arm: the one that explains the images best. A ball is also found in images
-    /// of a bottle, and falls there as well.
+    /// The object that falls to the arm: the one that explains the images best. A ball is also found in
+    /// images of a bottle, and falls there as well.
     fn identified(&self, now_s: f64) -> Option<usize> {
         let falls = |bot: &CatchingBot| bot.tracker.tracks.falls_to(&bot.known.search.motion, now_s);
         let poses = |bot: &CatchingBot| newest(&bot.tracker.tracks.object.poses, WINDOW).iter().collect();
