@@ -315,8 +315,8 @@ mod tests {
         }
     }
 
-    /// Phase and object of the cycle after each of 120 images a hundredth of a second apart, with objects that
-    /// are found with so large mismatches.
+    /// Phase and object of the cycle after each of 120 images a hundredth of a second apart, with objects
+    /// that are found with so large mismatches.
     fn phases(path: Path, mask: Option<&[bool]>, mismatches: [f64; 3]) -> Vec<(Phase, usize)> {
         let known = Arc::new(preparation());
         let bot = |mismatch| {
