@@ -30,8 +30,8 @@ pub struct ImportOptions {
     pub scale: Option<f64>,
     /// Mass in kg, whatever a description says.
     pub mass_kg: Option<f64>,
-    /// Width in metres up to which holes are filled, and gaps in a scan closed; a fraction of the longest side
-    /// otherwise.
+    /// Width in metres up to which holes are filled, and gaps in a scan closed; a fraction of the longest
+    /// side otherwise.
     pub largest_hole_m: Option<f64>,
 }
 

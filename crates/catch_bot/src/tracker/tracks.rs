@@ -231,8 +231,8 @@ impl Tracks {
         object.poses.last().filter(|pose| pose.capture_s == now_s).copied()
     }
 
-    /// Predicts the object's flight. As long as it does not fly, or not to the arm, another thing that does is
-    /// the object.
+    /// Predicts the object's flight. As long as it does not fly, or not to the arm, another thing that does
+    /// is the object.
     pub fn predict(&mut self, predictor: &mut dyn FlightPredictor, known: &Preparation) {
         let (symmetry, arm) = (&known.reference.symmetry, &known.search.motion);
         let are_labelled = self.unlabelled_s.is_none();
