@@ -10,10 +10,8 @@ use catch_cell::{Cell, Command, Observation};
 use catch_sim::{Arena, Truth, TruthSample};
 
 use crate::{
-    scenario::{
-        Clock,
-        setup::{Setup, throw_check::LONGEST_FLIGHT_S},
-    },
+    flights::flight_prediction::LONGEST_FLIGHT_S,
+    scenario::{Clock, setup::Setup},
     trial::stopwatch::Stopwatch,
 };
 use catch_recording::{Tick, brain::ObservedBrain};

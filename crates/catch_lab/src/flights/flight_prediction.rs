@@ -58,6 +58,8 @@ pub struct FlightPrediction {
     pub flight: Option<Flight>,
 }
 
+/// Longest flight, in seconds. A longer one is no throw, and no trial waits for it.
+pub const LONGEST_FLIGHT_S: f64 = 5.0;
 /// Largest noise, in metres, and least fraction of sightings that agree, of a plausible flight.
 const MOST_NOISE_M: f64 = 0.02;
 const LEAST_AGREEING: f64 = 0.5;
@@ -73,8 +75,6 @@ const CUTS_S: [f64; 5] = [0.025, 0.05, 0.075, 0.1, 0.15];
 /// Density of the disturbances without them, as a fraction.
 const CALMER: f64 = 0.3;
 const SHORTEST_S: f64 = 0.1;
-/// No flight takes longer, in seconds.
-const LONGEST_S: f64 = 5.0;
 /// Density of disturbances that is no flight's, in m/s²/√Hz.
 const MOST_DENSITY: f64 = 2.0;
 /// Noise of orientations that are not understood, in radians, and for how long a flight can be followed at
@@ -129,7 +129,7 @@ pub fn predict_near(
 
 /// Returns whether the rows may be those of a falling object.
 fn may_fall(rows: &[Sighting], g: &Vector3<f64>) -> bool {
-    if rows[rows.len() - 1].time_s - rows[0].time_s > LONGEST_S {
+    if rows[rows.len() - 1].time_s - rows[0].time_s > LONGEST_FLIGHT_S {
         return false;
     }
     let oriented = rows.iter().any(|it| it.rotation.is_some());

@@ -111,15 +111,19 @@ pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError>
     if sightings.is_empty() {
         return Err(InputError::new(file, "rows", "none with numbers in all columns", "rows of t,x,y,z"));
     }
-    let mut apart_s: Vec<f64> = sightings.windows(2).map(|it| it[1].time_s - it[0].time_s).collect();
-    if !apart_s.is_empty() {
-        let apart_s = median_in_place(&mut apart_s);
-        if apart_s > MOST_APART_S {
-            let expected = format!("seconds, and rows {MOST_APART_S} s apart or less: a flight is over soon");
-            return Err(InputError::new(file, "t", format!("rows {apart_s} apart"), expected));
-        }
-    }
+    check_spacing(file, &sightings)?;
     Ok((sightings, end_s))
+}
+
+/// Checks that rows are so close to each other that they can show a flight: times may be in milliseconds.
+fn check_spacing(file: &str, sightings: &[Sighting]) -> Result<(), InputError> {
+    let mut apart_s: Vec<f64> = sightings.windows(2).map(|it| it[1].time_s - it[0].time_s).collect();
+    let apart_s = median_in_place(&mut apart_s);
+    if apart_s <= MOST_APART_S {
+        return Ok(());
+    }
+    let expected = format!("times in seconds, and rows {MOST_APART_S} s apart or less");
+    Err(InputError::new(file, "t", format!("rows {apart_s} apart"), expected))
 }
 
 /// Median time between two rows at most.
@@ -219,7 +223,7 @@ mod tests {
             ("0,1,2,3,9,0,0,1\n", "line 1"),
             ("0,1,2,3,0,0,0,0\n", "line 1: found a quaternion of length 0.000"),
             ("t,x,y,z\n", "rows"),
-            ("0,1,2,3\n5,1,2,4\n10,1,2,5\n", "t: found rows 5 apart, expected seconds"),
+            ("0,1,2,3\n5,1,2,4\n10,1,2,5\n", "t: found rows 5 apart, expected times in seconds"),
         ] {
             let fault = parse("t.csv", text).unwrap_err().to_string();
             assert!(fault.contains(&format!("t.csv: {line}")), "{text:?}: {fault}");

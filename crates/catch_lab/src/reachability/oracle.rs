@@ -26,7 +26,7 @@ use catch_sim::FreeFlight;
 use nalgebra::{Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::scenario::setup::{Setup, throw_check::LONGEST_FLIGHT_S};
+use crate::{flights::flight_prediction::LONGEST_FLIGHT_S, scenario::setup::Setup};
 
 /// Time from the arrival of the first image to the earliest start of a motion, in seconds: a first estimate
 /// needs three frames at 100 Hz. (The paper's needs six.)

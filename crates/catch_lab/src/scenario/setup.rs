@@ -4,7 +4,7 @@ mod assumptions;
 pub mod calibration;
 mod knowledge;
 mod parts;
-pub mod throw_check;
+mod throw_check;
 
 use std::sync::{Arc, OnceLock};
 

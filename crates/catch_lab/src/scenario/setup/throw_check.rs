@@ -6,10 +6,8 @@ use catch_body::InputError;
 use catch_sim::{Arena, FlightConditions, FreeFlight};
 
 use super::Setup;
+use crate::flights::flight_prediction::LONGEST_FLIGHT_S;
 
-/// Longest flight until the object meets the floor, in seconds. A longer one is no throw: a trial would not
-/// wait for it.
-pub const LONGEST_FLIGHT_S: f64 = 5.0;
 /// Step with which a flight is followed to the floor, in seconds.
 const STEP_S: f64 = 5e-3;
 
