@@ -24,7 +24,7 @@ use super::{
     AerodynamicForces, Config, FIT_WINDOW, FlightTrajectory, PredictionStatus, WINDOW,
     correlated_error::CorrelatedSums,
     inertia_per_kg,
-    ransac::{is_finite, reach_m},
+    ransac::{agrees, is_finite},
 };
 use crate::perception::ObjectPose;
 use row::Row;
@@ -184,7 +184,7 @@ impl Problem<'_> {
                 row.mixed = pose.information.fixed_view::<3, 3>(0, 3).into_owned();
             }
             row.weigh(turns, &self.config.process_noise);
-            agreeing += usize::from(age < window && row.shift.norm() < reach_m(pose));
+            agreeing += usize::from(age < window && agrees(pose, &row.shift));
             scratch.rows.push(row);
         }
         agreeing
@@ -204,7 +204,7 @@ impl Problem<'_> {
                 row.turn -= row.by_rotation * rotation;
             }
             row.weigh(turns, &self.config.process_noise);
-            agreeing += usize::from(age < window && row.shift.norm() < reach_m(pose));
+            agreeing += usize::from(age < window && agrees(pose, &row.shift));
         }
         agreeing
     }

@@ -10,7 +10,9 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::{
-    Config, FlightTrajectory, INLIER_M, PredictionStatus, WINDOW, inertia_per_kg,
+    Config, FlightTrajectory, INLIER_M, PredictionStatus, WINDOW,
+    aerodynamics::of_position,
+    inertia_per_kg,
     rotation_consensus::{Orientation, agree_on_rotation},
 };
 use crate::perception::ObjectPose;
@@ -57,6 +59,8 @@ pub struct Sampling {
 
 /// Two-pose flights that are sampled at least (paper, III-B).
 pub const SAMPLES: usize = 20;
+/// A pose agrees with a flight within so many standard deviations, root mean square over the axes.
+const INLIER_SD: f64 = 3.0;
 /// A pose agrees with a rotation within this angle, in radians (original).
 const INLIER_RAD: f64 = 0.1;
 
@@ -105,8 +109,7 @@ pub fn best_flight(
         // Room for as many as there will ever be, so that it is made once.
         orientations.reserve(WINDOW);
         each_position(poses, &flight, |pose, p_WO| {
-            let distance = (pose.X_WO.translation.vector - p_WO).norm();
-            if is_finite(pose) && distance < reach_m(pose) {
+            if is_finite(pose) && agrees(pose, &(pose.X_WO.translation.vector - p_WO)) {
                 orientations.push(Orientation::of(pose));
             }
         });
@@ -218,10 +221,11 @@ impl Agreement {
 fn agreement(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetry, rotation: Rotation) -> Agreement {
     let (mut inliers, mut squares, mut sum) = (0, 0.0, 0.0);
     each_position(poses, flight, |pose, p_WO| {
-        let distance = (pose.X_WO.translation.vector - p_WO).norm();
-        if distance >= reach_m(pose) {
+        let off_m = pose.X_WO.translation.vector - p_WO;
+        if !agrees(pose, &off_m) {
             return;
         }
+        let distance = off_m.norm();
         let angle_rad = match rotation {
             Rotation::Free => 0.0,
             Rotation::Constant => {
@@ -238,12 +242,15 @@ fn agreement(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetr
     Agreement { inliers, mean_square_m2: squares / inliers.max(1) as f64, sum }
 }
 
-/// Largest distance from a flight of a pose that agrees with it, in metres: three standard deviations of the
-/// pose's position over all directions, at least [`INLIER_M`].
-pub(super) fn reach_m(pose: &ObjectPose) -> f64 {
-    let information: f64 = (3..6).map(|i| pose.information[(i, i)]).sum();
-    let sd_m = if information > 0.0 { 3.0 / information.sqrt() } else { 0.0 };
-    INLIER_M.max(3.0 * sd_m)
+/// Returns whether a pose agrees with a flight that passes `off_m` beside its position: by less than
+/// [`INLIER_M`], or by what the pose may be off. One camera knows where along its ray a far object is to
+/// centimetres, and across it to millimetres.
+pub(super) fn agrees(pose: &ObjectPose, off_m: &Vector3<f64>) -> bool {
+    if off_m.norm() < INLIER_M {
+        return true;
+    }
+    let information = of_position(pose);
+    information.trace() > 0.0 && off_m.dot(&(information * off_m)) < 3.0 * INLIER_SD * INLIER_SD
 }
 
 /// Returns whether all numbers of a pose are finite.

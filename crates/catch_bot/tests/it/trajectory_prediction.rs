@@ -158,6 +158,34 @@ fn claimed_uncertainty_holds() {
 
 /// The axis of a bottle whose ends are confused in four of ten images is found nevertheless; less often if
 /// each image is believed.
+/// One far camera sees where along its ray an object is to centimetres, and across it to millimetres.
+#[test]
+fn a_far_camera_knows_the_flight_all_along() {
+    let sd_m = Vector3::new(0.06, 0.003, 0.003);
+    let information = sd_m.map(|it: f64| it.powi(-2));
+    for seed in 0..20 {
+        let mut normal = Normal::new(seed);
+        let throw = throw(&mut normal, 6.0, 0.0, &banana());
+        let mut poses = seen(&throw, 50, 1e-9, 0.3, 0.0, &mut normal);
+        for pose in &mut poses {
+            pose.X_WO.translation.vector += normal.vector().component_mul(&sd_m);
+            pose.information.fixed_view_mut::<3, 3>(3, 3).set_diagonal(&information);
+        }
+        let mut predictor = InformationFit::new(Config::default(), banana(), seed);
+        let mut flight = None;
+        for count in 10..poses.len() {
+            let found = predictor.predict(&poses[..count], flight.as_ref());
+            flight = Some(found.unwrap_or_else(|status| panic!("{seed}: {status:?} after {count} poses")));
+        }
+        let flight = flight.unwrap();
+        assert!(flight.inliers as f64 > 0.95 * flight.considered as f64, "{seed}: {} agree", flight.inliers);
+        let off_m = flight.pose_at(0.7).translation.vector - throw.pose_at(0.7).translation.vector;
+        let covariance = flight.covariance_at(0.7).fixed_view::<3, 3>(0, 0).into_owned();
+        let square = off_m.dot(&(covariance.try_inverse().unwrap() * off_m));
+        assert!(square < 21.1, "{seed}: outside of the ellipsoid of 99.99 %: {off_m:?}");
+    }
+}
+
 #[test]
 fn confused_ends_leave_the_axis() {
     let (axis, config) = (Vector3::z_axis(), Config::default());
