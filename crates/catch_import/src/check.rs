@@ -91,6 +91,8 @@ pub fn check(path: &Path) -> Checked {
                 examined = examine(&asset);
                 let not_held = examined.not_held.take();
                 faults.extend(not_held.map(|it| InputError::new(&asset.file, "object", it, "one that can be held")));
+            } else if kind == Kind::Throw && faults.is_empty() {
+                faults.extend(thrown_alone(&asset).err());
             }
             faults
         }
@@ -277,15 +279,24 @@ fn faults_of_scenario(asset: &Asset) -> Vec<InputError> {
     }
     if faults.is_empty() {
         // Each part is right; they may still not fit together.
-        faults = held(asset, Setup::of_asset(asset, &Choice::default()));
+        let setup = Setup::of_asset(asset, &Choice::default());
+        faults = setup.and_then(|it| fits(asset, &it)).err().into_iter().flat_map(InputError::all).collect();
     }
     faults
 }
 
-/// Checks that the object of a setup can be held.
-fn held(asset: &Asset, setup: Result<Setup, InputError>) -> Vec<InputError> {
-    let held = setup.map(|setup| {
-        setup.without_grasps().map(|widths| InputError::new(&asset.file, "object", widths, "one that can be held"))
-    });
-    held.unwrap_or_else(Some).into_iter().collect()
+/// Checks that a throw can be thrown: where no scenario says at which arm, at the one of [`RIG_SCENARIO`].
+fn thrown_alone(asset: &Asset) -> Result<(), InputError> {
+    let mut setup = Setup::load(&Choice { scenario: Some(RIG_SCENARIO), ..Choice::default() })?;
+    setup.throw = asset.throw()?.for_arm(setup.robot.length_m());
+    setup.scenario.throw.clone_from(&asset.file);
+    setup.check_throw(0, 0)
+}
+
+/// Checks that the object of a setup can be held, and thrown.
+fn fits(asset: &Asset, setup: &Setup) -> Result<(), InputError> {
+    match setup.without_grasps() {
+        Some(widths) => Err(InputError::new(&asset.file, "object", widths, "one that can be held")),
+        None => setup.check_throw(0, 0),
+    }
 }

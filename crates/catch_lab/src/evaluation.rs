@@ -174,7 +174,7 @@ impl Evaluation {
     }
 
     /// Checks that all trials from number `from` on can be thrown.
-    fn check_throws(&self, from: usize) -> Result<(), InputError> {
+    pub(crate) fn check_throws(&self, from: usize) -> Result<(), InputError> {
         (from..self.total()).try_for_each(|job| {
             let (cell, index) = self.job(job);
             cell.setup.check_throw(self.seed, index)

@@ -55,11 +55,14 @@ impl Results {
     /// # Errors
     /// A folder that cannot be written, that holds results though nothing is to be resumed, that holds
     /// results of something else or of nobody knows what, in which another process is at work, more trials
-    /// than are asked for, or rows that are none.
+    /// than are asked for, or rows that are none. Throws that cannot be thrown, before there is a folder.
     pub fn open(folder: &Path, evaluation: &Evaluation, resume: bool) -> Result<(Self, Vec<Row>), InputError> {
         let identity = evaluation.identity();
-        let lock = WorkLock::take(folder)?;
         let identity_file = folder.join(IDENTITY_FILE);
+        if !identity_file.exists() {
+            evaluation.check_throws(0)?;
+        }
+        let lock = WorkLock::take(folder)?;
         if identity_file.exists() {
             if !resume {
                 let found = format!("`{}`, which holds results", folder.display());
