@@ -32,12 +32,6 @@ pub struct CellSummary {
     /// image on, according to the oracle. None where some of these were for an arm that the oracle does not
     /// know.
     pub out_of_reach: Option<usize>,
-    /// Number of misses out of reach, had the flight been given from the release on.
-    pub out_of_reach_from_release: Option<usize>,
-    /// Number of throws within reach that the brain called out of reach.
-    pub refused_within_reach: Option<usize>,
-    /// Interval for the probability of a catch among the throws within reach.
-    pub wilson95_within_reach: Option<[f64; 2]>,
     /// Interval for the probability of a catch; none for a throw that is always the same, whose outcomes
     /// repeat.
     pub wilson95: Option<[f64; 2]>,
@@ -51,28 +45,19 @@ pub struct CellSummary {
     pub motion_excursions: usize,
     /// Median over trials of the joint travel from the ready pose to the catch, summed over the joints.
     pub median_joint_travel_rad: Option<f64>,
-    /// Median over trials of the error of the predicted object position at the catch.
-    pub median_prediction_error_m: Option<f64>,
-    /// The closest that the arm came to itself or to the floor.
-    pub min_clearance_m: Option<f64>,
 }
 
 impl CellSummary {
     /// Sums up the trials of one cell; `throw_is_fixed` if they all saw the same throw.
     pub fn of(object: &str, throw: &str, rows: &[&Row], throw_is_fixed: bool) -> Self {
         let count = |counts: &dyn Fn(&Row) -> bool| rows.iter().filter(|row| counts(row)).count();
-        let values = |pick: &dyn Fn(&Row) -> Option<f64>| rows.iter().filter_map(|row| pick(row)).collect::<Vec<f64>>();
         let mut reasons = BTreeMap::new();
         for reason in rows.iter().filter_map(|row| row.verdict.reason) {
             *reasons.entry(reason).or_insert(0) += 1;
         }
         let caught = count(&|row| row.verdict.caught);
+        let joint_travels_rad = rows.iter().filter_map(|row| row.verdict.measures.joint_travel_rad);
         let is_known = rows.iter().all(|row| row.verdict.caught || row.verdict.reach.is_some());
-        let out_of_reach = is_known.then(|| count(&|row| row.verdict.is_out_of_reach()));
-        let clearances = rows.iter().flat_map(|row| {
-            let measures = &row.verdict.measures;
-            [measures.min_self_clearance_m, measures.min_floor_clearance_m]
-        });
         Self {
             object: object.to_owned(),
             throw: throw.to_owned(),
@@ -83,23 +68,13 @@ impl CellSummary {
             caught_paper_code: count(&|row| row.verdict.caught_paper_code),
             held_later: count(&|row| row.verdict.held_later),
             caught_beyond_limits: count(&|row| row.verdict.caught_beyond_limits),
-            out_of_reach,
-            out_of_reach_from_release: is_known
-                .then(|| count(&|row| row.verdict.reach.is_some_and(|it| it.from_release_s.is_none()))),
-            refused_within_reach: is_known.then(|| {
-                count(&|row| row.verdict.reason == Some(Reason::OutOfReach) && !row.verdict.is_out_of_reach())
-            }),
-            wilson95_within_reach: out_of_reach
-                .filter(|_| !throw_is_fixed)
-                .map(|out_of_reach| wilson95(caught, rows.len() - out_of_reach)),
+            out_of_reach: is_known.then(|| count(&|row| row.verdict.is_out_of_reach())),
             wilson95: (!throw_is_fixed).then(|| wilson95(caught, rows.len())),
             reasons,
             limit_violations: rows.iter().map(|row| row.verdict.limit_violations).sum(),
             numerical_failures: rows.iter().map(|row| u64::from(row.verdict.measures.numerical_failures)).sum(),
             motion_excursions: rows.iter().map(|row| row.verdict.motion_excursions).sum(),
-            median_joint_travel_rad: median(values(&|row| row.verdict.measures.joint_travel_rad)),
-            median_prediction_error_m: median(values(&|row| row.verdict.measures.prediction_error_m)),
-            min_clearance_m: clearances.flatten().min_by(f64::total_cmp),
+            median_joint_travel_rad: median(joint_travels_rad.collect()),
         }
     }
 }
