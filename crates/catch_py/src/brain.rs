@@ -80,11 +80,11 @@ impl Brain {
 
     /// Checks that an observation can be of this brain's cell.
     fn check(&self, observation: &Observation) -> PyResult<()> {
-        if observation.dof() != self.dof {
-            let found = format!("an arm of {} joints", observation.dof());
+        if observation.dof != self.dof {
+            let found = format!("an arm of {} joints", observation.dof);
             return Err(fault("observation", found, format!("one of {}", self.dof)));
         }
-        for frame in &observation.sensed().frames {
+        for frame in &observation.sensed.frames {
             let Some(camera) = self.cameras.get(frame.camera) else {
                 let found = format!("an image of camera {}", frame.camera);
                 return Err(fault("observation", found, format!("one of {} cameras", self.cameras.len())));
@@ -153,14 +153,14 @@ impl Brain {
     fn tick(&self, py: Python<'_>, observation: &Bound<'_, PyAny>) -> PyResult<Command> {
         let observation: &Observation = instance("observation", observation, "an Observation")?;
         self.check(observation)?;
-        let sensed = observation.sensed();
+        let sensed = &observation.sensed;
         Ok(self.with(py, |brain, stopwatch| {
             stopwatch.start();
             let command = brain.tick(sensed, stopwatch);
             stopwatch.stop();
             let report = Some(brain.report().clone());
             let snapshot = StateSnapshot { time_s: sensed.time_s, report, stage_ms: stopwatch.last_tick_ms() };
-            Command::of_brain(command, snapshot, self.dof)
+            Command { sent: command, snapshot: Some(Arc::new(snapshot)), dof: self.dof }
         }))
     }
 
@@ -290,7 +290,7 @@ impl Recorder {
         py.detach(|| {
             let mut recorder = locked(&self.recorder);
             let recorder = recorder.as_mut().ok_or_else(finished)?;
-            recorder.tick(observation.sensed(), &command.sent, report).map_err(|it| PyOSError::new_err(it.to_string()))
+            recorder.tick(&observation.sensed, &command.sent, report).map_err(|it| PyOSError::new_err(it.to_string()))
         })
     }
 

@@ -128,13 +128,8 @@ impl ArmState {
 /// `late`, `discontinuous`, `not_at_rest`, `limit` or `declined`.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Rejection {
-    rejected: RejectedTrajectory,
-}
-
-impl From<RejectedTrajectory> for Rejection {
-    fn from(rejected: RejectedTrajectory) -> Self {
-        Self { rejected }
-    }
+    /// The rejection as cells tell it.
+    pub rejected: RejectedTrajectory,
 }
 
 impl Rejection {

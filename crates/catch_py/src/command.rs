@@ -16,21 +16,9 @@ use crate::{
 /// A motion of the arm: a clamped cubic B-spline of joint positions over the cell's clock.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Trajectory {
-    id: u64,
-    spline: BSpline,
+    /// The trajectory as it is sent.
+    pub sent: ArmTrajectory,
     dof: usize,
-}
-
-impl Trajectory {
-    /// Identifier of the trajectory.
-    pub fn number(&self) -> u64 {
-        self.id
-    }
-
-    /// Joint positions over time.
-    pub fn spline(&self) -> &BSpline {
-        &self.spline
-    }
 }
 
 /// The control points of a spline, one a row.
@@ -57,29 +45,29 @@ impl Trajectory {
             let found = format!("{} for {} control points", spline.knots_s.len(), spline.control_points.len());
             return Err(fault("knots_s", found, "rising times, four more than the four or more control points"));
         }
-        Ok(Self { id, spline, dof })
+        Ok(Self { sent: ArmTrajectory { id: TrajectoryId(id), spline }, dof })
     }
 
     fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        (self.id, self.knots_s(py), self.control_points(py)?).into_pyobject(py)
+        (self.id(), self.knots_s(py), self.control_points(py)?).into_pyobject(py)
     }
 
     /// Identifier, higher than those of all trajectories that were sent before.
     #[getter]
     fn id(&self) -> u64 {
-        self.id
+        self.sent.id.0
     }
 
     /// Knots in seconds.
     #[getter]
     fn knots_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.spline.knots_s)
+        PyArray1::from_slice(py, &self.sent.spline.knots_s)
     }
 
     /// Control points in radians, one a row.
     #[getter]
     fn control_points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        control_points(py, &self.spline, self.dof)
+        control_points(py, &self.sent.spline, self.dof)
     }
 }
 
@@ -143,19 +131,8 @@ pub struct Command {
     pub sent: Sent,
     /// Snapshot of the brain, if it is a built-in one.
     pub snapshot: Option<Arc<StateSnapshot>>,
-    dof: usize,
-}
-
-impl Command {
-    /// Creates the command of a built-in brain for an arm with `dof` joints.
-    pub fn of_brain(sent: Sent, snapshot: StateSnapshot, dof: usize) -> Self {
-        Self { sent, snapshot: Some(Arc::new(snapshot)), dof }
-    }
-
-    /// Creates a recorded command for an arm with `dof` joints.
-    pub fn recorded(sent: Sent, dof: usize) -> Self {
-        Self { sent, snapshot: None, dof }
-    }
+    /// Joints of the arm.
+    pub dof: usize,
 }
 
 #[pymethods]
@@ -170,18 +147,16 @@ impl Command {
         let trajectory = trajectory.map(|it| instance::<Trajectory>("trajectory", it, "a Trajectory or None"));
         let trajectory = trajectory.transpose()?;
         let moves = gripper.map(|moves| GripperMove::list(moves, "gripper"));
-        let arm = trajectory.map(|it| ArmTrajectory { id: TrajectoryId(it.id), spline: it.spline.clone() });
         let window = |(left, top, width, height): Window| PixelWindow { left, top, width, height };
         let windows = windows.map(|windows| windows.into_iter().map(window).collect());
-        let sent = Sent { arm, gripper: moves.transpose()?, windows };
+        let sent = Sent { arm: trajectory.map(|it| it.sent.clone()), gripper: moves.transpose()?, windows };
         Ok(Self { sent, snapshot: None, dof: trajectory.map_or(0, |it| it.dof) })
     }
 
     /// Replaces the executing trajectory from its start on; `None` changes nothing.
     #[getter]
     fn trajectory(&self) -> Option<Trajectory> {
-        let arm = self.sent.arm.as_ref()?;
-        Some(Trajectory { id: arm.id.0, spline: arm.spline.clone(), dof: self.dof })
+        Some(Trajectory { sent: self.sent.arm.clone()?, dof: self.dof })
     }
 
     /// Replaces all gripper moves that have not started; `None` changes nothing.

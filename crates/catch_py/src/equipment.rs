@@ -34,15 +34,10 @@ pub struct Robot {
     /// The arm, with its workcell; it waits at its `ready_q`.
     pub model: BodyRobot,
     /// The texts it is made from; those of a gripper are not its own.
-    sources: Sources,
+    pub sources: Sources,
 }
 
 impl Robot {
-    /// Creates the robot of a setup.
-    pub fn of_setup(model: &BodyRobot, sources: &Sources) -> Self {
-        Self { model: model.clone(), sources: sources.clone() }
-    }
-
     /// Returns the texts of arm and gripper, as recordings keep them.
     pub fn sources(&self, gripper: &Gripper) -> Sources {
         let (gripper_toml, gripper_meshes) = (gripper.toml.clone(), gripper.meshes.clone());
@@ -186,16 +181,10 @@ impl Robot {
 pub struct Gripper {
     /// The gripper.
     pub model: BodyGripper,
-    toml: String,
-    meshes: Meshes,
-}
-
-impl Gripper {
-    /// Creates the gripper of a setup.
-    pub fn of_setup(model: &BodyGripper, sources: &Sources) -> Self {
-        let (toml, meshes) = (sources.gripper_toml.clone(), sources.gripper_meshes.clone());
-        Self { model: model.clone(), toml, meshes }
-    }
+    /// The text that it is made from.
+    pub toml: String,
+    /// The meshes that the text names.
+    pub meshes: Meshes,
 }
 
 #[pymethods]

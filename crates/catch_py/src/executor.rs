@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 
 use catch_body::quantity;
-use catch_cell::{ArmTrajectory, Executor as CellExecutor, ExecutorConfig, GripperQueue as CellQueue, TrajectoryId};
+use catch_cell::{Executor as CellExecutor, ExecutorConfig, GripperQueue as CellQueue, RejectedTrajectory};
 use numpy::PyArray2;
 use pyo3::prelude::*;
 
@@ -39,10 +39,9 @@ impl Executor {
     fn receive(&self, trajectory: &Bound<'_, PyAny>, now_s: &Bound<'_, PyAny>) -> PyResult<Option<Rejection>> {
         let trajectory: &Trajectory = instance("trajectory", trajectory, "a Trajectory")?;
         let now_s = quantity("now_s", now_s, &quantity::CLOCK_S)?;
-        let id = TrajectoryId(trajectory.number());
-        let sent = ArmTrajectory { id, spline: trajectory.spline().clone() };
-        let rejected = |reason| Rejection::from(catch_cell::RejectedTrajectory { id, reason });
-        Ok(locked(&self.executor).receive(&sent, now_s).err().map(rejected))
+        let id = trajectory.sent.id;
+        let rejected = |reason| Rejection { rejected: RejectedTrajectory { id, reason } };
+        Ok(locked(&self.executor).receive(&trajectory.sent, now_s).err().map(rejected))
     }
 
     /// Position, velocity and acceleration of the joints that the arm should have at `time_s`, one a row. No

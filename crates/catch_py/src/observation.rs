@@ -15,25 +15,10 @@ use crate::{
 /// Observation of the cell at one instant.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Observation {
-    sensed: Arc<Sensed>,
-    dof: usize,
-}
-
-impl Observation {
-    /// Creates the observation of an arm with `dof` joints.
-    pub fn new(sensed: Arc<Sensed>, dof: usize) -> Self {
-        Self { sensed, dof }
-    }
-
+    /// The observation as brains take it.
+    pub sensed: Arc<Sensed>,
     /// Joints of the arm.
-    pub fn dof(&self) -> usize {
-        self.dof
-    }
-
-    /// Returns the observation as brains take it.
-    pub fn sensed(&self) -> &Arc<Sensed> {
-        &self.sensed
-    }
+    pub dof: usize,
 }
 
 #[pymethods]
@@ -70,7 +55,7 @@ impl Observation {
         for (i, frame) in frames.iter().enumerate() {
             *frame.get().lock() = Image::Sensed(sensed.clone(), i);
         }
-        Ok(Self::new(sensed, arm.dof))
+        Ok(Self { sensed, dof: arm.dof })
     }
 
     /// The cell's clock in seconds.

@@ -10,20 +10,10 @@ use crate::{cell_state::joint_array, command::control_points};
 /// A catch and the motion to it, or why there is none.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Plan {
-    decision: Decision,
-    dof: usize,
-}
-
-impl Plan {
-    /// Creates the plan for an arm with `dof` joints.
-    pub fn new(decision: Decision, dof: usize) -> Self {
-        Self { decision, dof }
-    }
-
-    /// Returns the decision as planners make it.
-    pub fn decision(&self) -> &Decision {
-        &self.decision
-    }
+    /// The decision as planners make it.
+    pub decision: Decision,
+    /// Joints of the arm.
+    pub dof: usize,
 }
 
 #[pymethods]

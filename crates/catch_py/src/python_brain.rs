@@ -130,7 +130,10 @@ struct PythonBrain {
 
 impl Brain for PythonBrain {
     fn tick(&mut self, observation: &Observation, _: &mut dyn Probe) -> Command {
-        let arguments = |_: Python<'_>| Ok((observation::Observation::new(Arc::new(observation.clone()), self.dof),));
+        let arguments = |_: Python<'_>| {
+            let sensed = Arc::new(observation.clone());
+            Ok((observation::Observation { sensed, dof: self.dof },))
+        };
         let read = |answer: &Bound<'_, PyAny>| {
             let command = answer.cast::<command::Command>().ok()?.get();
             Some((command.sent.clone(), command.snapshot.as_ref().and_then(|it| it.report.clone())))

@@ -76,7 +76,7 @@ impl CatchPlanner for PythonPlanner {
     fn plan(&mut self, situation: &control::Situation<'_>) -> Decision {
         let (running, progress) = (situation.running.cloned(), situation.progress);
         let shown = |_: Python<'_>| Ok((Situation::new(&self.setup, &self.ours, situation),));
-        let read = |answer: &Bound<'_, PyAny>| Some(answer.cast::<Plan>().ok()?.get().decision().clone());
+        let read = |answer: &Bound<'_, PyAny>| Some(answer.cast::<Plan>().ok()?.get().decision.clone());
         self.made.ask(shown, read, "a Plan").unwrap_or_else(|| kept(running, progress))
     }
 
@@ -209,7 +209,7 @@ impl Situation {
     #[getter]
     fn running(&self) -> Option<Plan> {
         let running = self.running.clone()?;
-        Some(Plan::new(kept(Some(running), self.progress), self.dof()))
+        Some(Plan { decision: kept(Some(running), self.progress), dof: self.dof() })
     }
 
     /// True if the fingers begin to close before a motion that is planned now could take over.
@@ -221,7 +221,7 @@ impl Situation {
     /// Decision of the scenario's planner.
     fn ours(&self, py: Python<'_>) -> Plan {
         let decision = py.detach(|| locked(&self.ours).plan(&self.shown()));
-        Plan::new(decision, self.dof())
+        Plan { decision, dof: self.dof() }
     }
 
     /// A catch by a motion of one's own, the fingers as far apart before as they wait or as `aperture_m`
@@ -235,7 +235,7 @@ impl Situation {
         aperture_m: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Plan> {
         let catch_s = number("catch_s", catch_s)?;
-        let (spline, robot) = (trajectory.spline(), &self.setup.robot);
+        let (spline, robot) = (&trajectory.sent.spline, &self.setup.robot);
         if catch_s < spline.start_s() || catch_s > spline.end_s() {
             return Err(fault("catch_s", catch_s, format!("{} to {}", spline.start_s(), spline.end_s())));
         }
@@ -250,6 +250,6 @@ impl Situation {
         let plan = CatchPlan::of_motion(robot, spline.clone(), &self.flight, catch_s, grasp);
         let plan = CatchPlan { aperture_m, ..plan };
         let decision = Decision { status: Status::Planned, plan: Some(plan), progress: self.progress };
-        Ok(Plan::new(decision, self.dof()))
+        Ok(Plan { decision, dof: self.dof() })
     }
 }

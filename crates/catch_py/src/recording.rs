@@ -115,6 +115,9 @@ impl Recording {
     /// Commands, each with the time of the observation that it answers.
     #[getter]
     fn commands(&self) -> Vec<(f64, Command)> {
-        self.commands.iter().map(|(time_s, sent)| (*time_s, Command::recorded(sent.clone(), self.dof))).collect()
+        self.commands
+            .iter()
+            .map(|(time_s, sent)| (*time_s, Command { sent: sent.clone(), snapshot: None, dof: self.dof }))
+            .collect()
     }
 }

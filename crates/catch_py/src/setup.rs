@@ -149,13 +149,14 @@ impl Setup {
     /// The arm, with what stands around it; it waits at `ready_q`.
     #[getter]
     fn robot(&self) -> Robot {
-        Robot::of_setup(&self.lab.robot, &self.lab.sources)
+        Robot { model: self.lab.robot.clone(), sources: self.lab.sources.clone() }
     }
 
     /// The gripper.
     #[getter]
     fn gripper(&self) -> Gripper {
-        Gripper::of_setup(&self.lab.gripper, &self.lab.sources)
+        let (toml, meshes) = (self.lab.sources.gripper_toml.clone(), self.lab.sources.gripper_meshes.clone());
+        Gripper { model: self.lab.gripper.clone(), toml, meshes }
     }
 
     /// Distance between the fingers of the waiting hand, in metres: as wide as the grasps of the object need.
@@ -284,7 +285,7 @@ impl Setup {
         let time_s = number("now_s", now_s)?;
         let start = Start { time_s, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
         let decision = py.detach(|| catch_plan::plan(&self.lab, start, flight));
-        Ok(Plan::new(decision, self.dof()))
+        Ok(Plan { decision, dof: self.dof() })
     }
 
     /// The arena with everything in place, the object about to fly.

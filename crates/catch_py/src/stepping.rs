@@ -115,7 +115,7 @@ impl Arena {
             state.sensed = Some((observation.time_s, Instant::now()));
             Ok(observation)
         })?;
-        Ok(Observation::new(Arc::new(sensed), self.setup.robot.dof()))
+        Ok(Observation { sensed: Arc::new(sensed), dof: self.setup.robot.dof() })
     }
 
     /// Passes a command on, or none.
