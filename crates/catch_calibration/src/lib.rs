@@ -186,11 +186,12 @@ pub struct CameraCalibration {
 }
 
 /// Goodness of fit of a camera's images.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Residuals {
     /// Images, those of one pose together counting as one.
     pub images: usize,
     /// Pixels whose depths were compared.
+    #[serde(skip)]
     pub depths: usize,
     /// Robust standard deviation of the depths' 1/z in one image, in 1/m.
     pub inverse_depth_sd_per_m: f64,

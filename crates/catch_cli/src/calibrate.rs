@@ -9,7 +9,7 @@ use catch_body::{
     quantity::{FLIGHTS, POSES},
 };
 use catch_calibration::{
-    CalibrationStatus, CameraCalibration, Config, calibrate,
+    CalibrationStatus, CameraCalibration, Config, Residuals, calibrate,
     flights::{FlightStatus, Refinement, refine},
     overlay::overlays,
 };
@@ -104,10 +104,8 @@ pub struct CameraDocument {
     depth_scale: f64,
     time_offset_s: f64,
     time_offset_sd_s: Option<f64>,
-    images: usize,
-    inverse_depth_sd_per_m: f64,
-    silhouette_sd_px: f64,
-    outlier_fraction: f64,
+    #[serde(flatten)]
+    residuals: Residuals,
     /// Error of the position, which only an arena has.
     position_error_m: f64,
     rotation_error_deg: f64,
@@ -268,10 +266,7 @@ fn camera_document(found: &CameraCalibration, [X_WC, X_WT]: [Pose; 2], is_used: 
         depth_scale: found.depth_scale,
         time_offset_s: found.time_offset_s,
         time_offset_sd_s: found.time_offset_sd_s,
-        images: found.residuals.images,
-        inverse_depth_sd_per_m: found.residuals.inverse_depth_sd_per_m,
-        silhouette_sd_px: found.residuals.silhouette_sd_px,
-        outlier_fraction: found.residuals.outlier_fraction,
+        residuals: found.residuals,
         position_error_m: X_CT.translation.vector.norm(),
         rotation_error_deg: X_CT.rotation.angle().to_degrees(),
     }

@@ -2,8 +2,7 @@
 
 use std::{path::PathBuf, sync::Arc};
 
-use catch_body::InputError;
-use catch_body::statistics::wilson95;
+use catch_body::{InputError, statistics::wilson95};
 use catch_lab::{
     assets::Kind,
     evaluation::cell_summary::CellSummary,

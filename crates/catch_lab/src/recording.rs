@@ -67,7 +67,7 @@ pub struct GroundTruth {
 }
 
 impl Channel for GroundTruth {
-    /// Checks that the true states follow each other in time.
+    /// Checks that the true states follow each other in time, and the surface.
     fn check(&self, file: &str) -> Result<(), InputError> {
         for (i, pair) in self.truth.samples.windows(2).enumerate() {
             let [last_s, time_s] = [0, 1].map(|at| pair[at].time_s);
@@ -77,7 +77,7 @@ impl Channel for GroundTruth {
                 return Err(InputError::new(file, field, time_s, expected));
             }
         }
-        Ok(())
+        self.surface.check(file, "ending.ground_truth.surface")
     }
 }
 

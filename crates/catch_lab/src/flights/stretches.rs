@@ -1,11 +1,10 @@
 //! Rows of a track that count, and the stretches between contacts. All by medians, so that a few outliers
 //! change nothing.
 
-use catch_body::dynamics::gravity;
+use catch_body::{dynamics::gravity, statistics::median_in_place};
 use nalgebra::{Unit, Vector3};
 
 use super::track_file::Sighting;
-use catch_body::statistics::median_in_place;
 
 /// Velocities before and after a row are taken over this time,
 const SPAN_S: f64 = 0.07;

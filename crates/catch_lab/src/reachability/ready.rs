@@ -8,10 +8,10 @@
 
 use std::sync::Arc;
 
-use catch_body::statistics::median;
 use catch_body::{
     JointVector,
     inverse_kinematics::{ParallelAxesArm, SphericalShoulderArm, SrsArm},
+    statistics::median,
 };
 use catch_bot::{
     Preparation, grasp_selection,

@@ -19,9 +19,6 @@ pub(super) struct PublishedFields {
     com_m: quantity::shape_m<[f64; 3]>,
     /// Principal moments about the centre of mass along the axes of the shape.
     inertia_kgm2: quantity::moment_kgm2<[f64; 3]>,
-    /// The origin of its frame.
-    #[serde(default)]
-    origin_m: quantity::shape_m<[f64; 3]>,
     /// True if the body collides as the convex hull of its surface.
     #[serde(default)]
     convex_hull: bool,
@@ -35,7 +32,7 @@ impl PublishedFields {
         let mut published = ThrownObject {
             com_O: Point3::from(self.com_m) + to_O,
             inertia_kgm2: Matrix3::from_diagonal(&Vector3::from(self.inertia_kgm2)),
-            origin_O: Point3::from(self.origin_m) + to_O,
+            origin_O: Point3::origin() + to_O,
             ..object.clone()
         };
         if let Some(Solid { mesh, parts, .. }) = solid {
