@@ -101,9 +101,11 @@ enum Command {
     PlaceCameras(Box<place_cameras::PlaceCamerasArguments>),
     Ready(ready::ReadyArguments),
     /// Imports objects from meshes, scans, depth images, SDF and URDF
-    Object(object::ObjectArguments),
+    #[command(subcommand)]
+    Object(object::ObjectCommand),
     /// Imports arms from URDF
-    Robot(robot::RobotArguments),
+    #[command(subcommand)]
+    Robot(robot::RobotCommand),
     Register(register::RegisterArguments),
     /// Runs the brain again on the observations of a recording, and compares every command bit for bit
     Replay(replay::ReplayArguments),

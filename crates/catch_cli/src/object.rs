@@ -10,15 +10,9 @@ use serde_json::json;
 
 use crate::{number, screen};
 
-/// Arguments of `object`.
-#[derive(Debug, Args)]
-pub struct ObjectArguments {
-    #[command(subcommand)]
-    command: ObjectCommand,
-}
-
+/// Commands of `object`.
 #[derive(Debug, Subcommand)]
-enum ObjectCommand {
+pub enum ObjectCommand {
     Import(ImportArguments),
 }
 
@@ -64,8 +58,7 @@ pub struct ImportArguments {
 ///
 /// # Errors
 /// Faults of the files, the options or the place to write to.
-pub fn run(arguments: &ObjectArguments, json: bool) -> anyhow::Result<()> {
-    let ObjectCommand::Import(arguments) = &arguments.command;
+pub fn run(ObjectCommand::Import(arguments): &ObjectCommand, json: bool) -> anyhow::Result<()> {
     let out = &arguments.out;
     let fault = |found: String, expected: &str| InputError::new(COMMAND_LINE, "--out", found, expected);
     let is_file = out.extension().is_some_and(|it| it == "toml");

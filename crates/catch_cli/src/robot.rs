@@ -19,15 +19,9 @@ use serde_json::{Value, json};
 use super::{MOST, whole};
 use crate::{number, screen};
 
-/// Arguments of `robot`.
-#[derive(Debug, Args)]
-pub struct RobotArguments {
-    #[command(subcommand)]
-    command: RobotCommand,
-}
-
+/// Commands of `robot`.
 #[derive(Debug, Subcommand)]
-enum RobotCommand {
+pub enum RobotCommand {
     Import(ImportArguments),
 }
 
@@ -99,8 +93,7 @@ const STARTS: usize = 30;
 ///
 /// # Errors
 /// Faults of the description, the options or the folder.
-pub fn run(arguments: &RobotArguments, json: bool) -> anyhow::Result<()> {
-    let RobotCommand::Import(arguments) = &arguments.command;
+pub fn run(RobotCommand::Import(arguments): &RobotCommand, json: bool) -> anyhow::Result<()> {
     let out = &arguments.out;
     check_new([out], "--out")?;
     let options = ImportOptions {
