@@ -61,7 +61,7 @@ pub fn calibrate(
     let problem = Problem { robot, gripper, arm: &session.arm, cameras, config };
     let estimate = problem.solve(coarse);
     let link_offset_m: Vec<f64> = (0..=robot.dof()).map(|link| estimate.shared.link_offset_m(link)).collect();
-    let most_m = MOST_LINK_SD * config.link_sd_m.unwrap_or(FIRST_LINK_SD_M);
+    let most_m = MOST_LINK_SD * FIRST_LINK_SD_M;
     let is_modelled = link_offset_m.iter().all(|offset_m| offset_m.abs() <= most_m);
     let of_camera = |i: usize| of_camera(i, &problem, &estimate, is_modelled);
     Calibration {

@@ -122,7 +122,7 @@ impl Problem<'_> {
         };
         let mut state = State {
             problem: self,
-            shared: Shared::new(self.robot, self.config),
+            shared: Shared::new(self.robot),
             spreads: vec![spread; coarse.len()],
             offsets: self.cameras.iter().map(|it| vec![0.0; it.images.len()]).collect(),
             residuals: vec![Residuals::default(); coarse.len()],

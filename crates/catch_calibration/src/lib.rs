@@ -112,16 +112,6 @@ pub struct Config {
     pub inverse_depth_sd_per_m: f64,
     /// Fraction of the variance of 1/z that all pixels of an image have in common.
     pub common_fraction: f64,
-    /// Standard deviation of each joint's zero, in radians; zero is exact. It is estimated from the images,
-    /// if it is not set.
-    pub joint_zero_sd_rad: Option<f64>,
-    /// Standard deviation of how far the surface of each link is from its model, in metres; zero is exact. It
-    /// is estimated from the images, if it is not set. Unless it is zero, covers and cables are expected too.
-    pub link_sd_m: Option<f64>,
-    /// Standard deviations of the gripper's mount, in metres and radians about each axis.
-    pub mount_sd_m: f64,
-    /// Standard deviation of the rotation of the gripper's mount about each axis, in radians.
-    pub mount_sd_rad: f64,
     /// Pixels this near to a depth edge have no depths to compare.
     pub edge_px: usize,
     /// Pixels to each side of a silhouette that are counted.
@@ -138,10 +128,6 @@ impl Default for Config {
             expected_latency_s: 0.01,
             inverse_depth_sd_per_m: 0.0037,
             common_fraction: 0.5,
-            joint_zero_sd_rad: None,
-            link_sd_m: None,
-            mount_sd_m: 0.0005,
-            mount_sd_rad: 0.00175,
             edge_px: 4,
             silhouette_px: 5,
             seed: 0,
@@ -213,8 +199,8 @@ pub struct Calibration {
     /// [`CameraCalibration::covariance`], depth scale, and time offset in seconds. Cameras that were
     /// calibrated on one arm have its errors in common.
     pub covariance: DMatrix<f64>,
-    /// Errors of the joints' zero positions in radians, as far as they are uncertain.
+    /// Errors of the joints' zero positions in radians.
     pub joint_zero_rad: Vec<f64>,
-    /// Distances of the links' surfaces outside of their models in metres, as far as they are uncertain.
+    /// Distances of the links' surfaces outside of their models in metres.
     pub link_offset_m: Vec<f64>,
 }

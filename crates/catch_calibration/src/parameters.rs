@@ -15,7 +15,7 @@ use catch_body::{
 use nalgebra::{Point3, Vector3};
 
 use super::{
-    ArmSample, Config,
+    ArmSample,
     coarse::moved,
     measurement::{Measurement, Quantity},
     normal_equations::Row,
@@ -36,10 +36,14 @@ pub const TIME_OFFSET_SD_S: f64 = 0.02;
 /// lost with the last pixel, in pixels.
 const GROWTH_SD: [f64; 4] = [3.0, 3.0, 1.0, 1.0];
 
-/// First standard deviation of joint zeros, in radians, where the images determine it.
+/// First standard deviation of joint zeros, in radians; the images determine it.
 const FIRST_ZERO_SD_RAD: f64 = 5e-4;
-/// First standard deviation of links' surfaces, in metres, where the images determine it.
+/// First standard deviation of links' surfaces, in metres; the images determine it.
 pub const FIRST_LINK_SD_M: f64 = 1e-3;
+/// Standard deviation of the gripper's mount along each axis, in metres.
+const MOUNT_SD_M: f64 = 0.0005;
+/// Standard deviation of the rotation of the gripper's mount about each axis, in radians.
+const MOUNT_SD_RAD: f64 = 0.00175;
 /// Least and greatest ratio of the estimated standard deviations to the first ones.
 const TOLD: [f64; 2] = [0.02, 10.0];
 /// Edge of the cubes of a patch, in metres: covers, cables and labels are some centimetres long.
@@ -71,31 +75,22 @@ impl CameraState {
 
 /// Parameters that all cameras have in common: joint zeros, links' surfaces, mount of the gripper (rotation
 /// and translation in G), and how far each patch of a surface rises above its link's: covers, cables, labels.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Shared {
     /// Values in standard deviations.
     pub values: Vec<f64>,
     /// Kind of each parameter, and its standard deviation.
     kinds: Vec<(Kind, f64)>,
-    /// Standard deviations by [`Kind::told`].
-    told: [Told; 2],
+    /// Standard deviations of joint zeros and links' surfaces, over the first ones, by [`Kind::told`].
+    told_sd: [f64; 2],
     /// Patches of links' surfaces, whose heights are the last parameters, in the order of their numbers.
     patches: BTreeMap<Patch, usize>,
-    /// Standard deviation of each patch's height over that of links' surfaces, and the latter in metres.
+    /// Standard deviation of each patch's height over [`FIRST_LINK_SD_M`].
     patch_sd: Vec<f64>,
-    surface_sd_m: f64,
 }
 
 /// A patch of a link's surface: the link, and a cube of its frame.
 pub type Patch = (usize, [i32; 3]);
-
-/// Standard deviations of joint zeros and links' surfaces, over the first ones.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Told {
-    sd: f64,
-    /// True if the images determine the standard deviation.
-    by_images: bool,
-}
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Kind {
@@ -106,7 +101,7 @@ enum Kind {
 }
 
 impl Kind {
-    /// Index of the parameter's standard deviation among those that the images may determine.
+    /// Index of the parameter's standard deviation among those that the images determine.
     fn told(self) -> Option<usize> {
         match self {
             Self::JointZero(_) => Some(0),
@@ -117,25 +112,17 @@ impl Kind {
 }
 
 impl Shared {
-    pub fn new(robot: &Robot, config: &Config) -> Self {
-        let zero_sd_rad = config.joint_zero_sd_rad.unwrap_or(FIRST_ZERO_SD_RAD);
-        let link_sd_m = config.link_sd_m.unwrap_or(FIRST_LINK_SD_M);
-        let zeros = (0..robot.dof()).map(|i| (Kind::JointZero(i), zero_sd_rad));
-        let links = (0..=robot.dof()).map(|i| (Kind::LinkSurface(i), link_sd_m));
-        let rotation = (0..3).map(|i| (Kind::MountRotation(i), config.mount_sd_rad));
-        let translation = (0..3).map(|i| (Kind::MountTranslation(i), config.mount_sd_m));
-        let all = zeros.chain(links).chain(rotation).chain(translation);
-        let kinds: Vec<(Kind, f64)> = all.filter(|(_, sd)| *sd > 0.0).collect();
-        let told = [config.joint_zero_sd_rad, config.link_sd_m].map(|set| Told { sd: 1.0, by_images: set.is_none() });
-        let (patches, patch_sd) = (BTreeMap::new(), Vec::new());
-        Self { values: vec![0.0; kinds.len()], kinds, told, patches, patch_sd, surface_sd_m: link_sd_m }
+    pub fn new(robot: &Robot) -> Self {
+        let zeros = (0..robot.dof()).map(|i| (Kind::JointZero(i), FIRST_ZERO_SD_RAD));
+        let links = (0..=robot.dof()).map(|i| (Kind::LinkSurface(i), FIRST_LINK_SD_M));
+        let rotation = (0..3).map(|i| (Kind::MountRotation(i), MOUNT_SD_RAD));
+        let translation = (0..3).map(|i| (Kind::MountTranslation(i), MOUNT_SD_M));
+        let kinds: Vec<(Kind, f64)> = zeros.chain(links).chain(rotation).chain(translation).collect();
+        Self { values: vec![0.0; kinds.len()], kinds, told_sd: [1.0; 2], ..Self::default() }
     }
 
-    /// Adds a height for each patch that has none, unless surfaces are exact.
+    /// Adds a height for each patch that has none.
     pub fn add_patches(&mut self, patches: &BTreeSet<Patch>) {
-        if self.surface_sd_m == 0.0 {
-            return;
-        }
         for patch in patches {
             let number = self.patches.len();
             if let Entry::Vacant(vacant) = self.patches.entry(*patch) {
@@ -149,7 +136,7 @@ impl Shared {
     /// Inverse variance of what is known beforehand of the parameter at a place.
     pub fn prior_information(&self, at: usize) -> f64 {
         let Some((kind, _)) = self.kinds.get(at) else { return self.patch_sd[at - self.kinds.len()].powi(-2) };
-        kind.told().map_or(1.0, |group| self.told[group].sd.powi(-2))
+        kind.told().map_or(1.0, |group| self.told_sd[group].powi(-2))
     }
 
     /// Standard deviations that the images tell become what makes the images most likely, given the values
@@ -159,19 +146,18 @@ impl Shared {
         let (mut determined, mut squares) = ([0.0; 2], [0.0; 2]);
         for (at, (kind, _)) in self.kinds.iter().enumerate() {
             let Some(group) = kind.told() else { continue };
-            determined[group] += 1.0 - variance(at) / self.told[group].sd.powi(2);
+            determined[group] += 1.0 - variance(at) / self.told_sd[group].powi(2);
             squares[group] += self.values[at].powi(2);
         }
         // Each patch has a standard deviation of its own, which vanishes where nothing rises (sparse Bayesian
         // learning, Tipping 2001).
-        let [_, surfaces] = self.told;
-        for (sd, at) in self.patch_sd.iter_mut().zip(self.kinds.len()..).filter(|_| surfaces.by_images) {
+        for (sd, at) in self.patch_sd.iter_mut().zip(self.kinds.len()..) {
             let determined = 1.0 - variance(at) / sd.powi(2);
             *sd = (self.values[at].powi(2) / determined.max(LEAST_DETERMINED)).sqrt().clamp(TOLD[0], TOLD[1]);
         }
-        for ((told, determined), squares) in self.told.iter_mut().zip(determined).zip(squares) {
-            if told.by_images && determined > DETERMINED {
-                told.sd = (squares / determined).sqrt().clamp(TOLD[0], TOLD[1]);
+        for ((sd, determined), squares) in self.told_sd.iter_mut().zip(determined).zip(squares) {
+            if determined > DETERMINED {
+                *sd = (squares / determined).sqrt().clamp(TOLD[0], TOLD[1]);
             }
         }
     }
@@ -234,7 +220,7 @@ impl<'a> PosedArm<'a> {
     /// Correction of a measurement's prediction by the height of its patch.
     pub fn patch_correction(&self, it: &Measurement, patch: Option<Patch>) -> f64 {
         let height = patch.and_then(|patch| self.shared.height_at(patch)).map_or(0.0, |at| self.shared.values[at]);
-        it.gradient_C.dot(&it.normal_C) * height * self.shared.surface_sd_m
+        it.gradient_C.dot(&it.normal_C) * height * FIRST_LINK_SD_M
     }
 
     /// The derivatives of a measurement by the parameters: those of its camera, those in common, and at last
@@ -284,7 +270,7 @@ impl<'a> PosedArm<'a> {
             add(OF_CAMERA + i, by * sd);
         }
         if let Some(at) = self.patch(it, &camera.X_WC).and_then(|patch| self.shared.height_at(patch)) {
-            add(OF_CAMERA + at, outward * self.shared.surface_sd_m);
+            add(OF_CAMERA + at, outward * FIRST_LINK_SD_M);
         }
         add(OF_CAMERA + self.shared.values.len(), if it.is_depth() { offset_sd } else { 0.0 });
     }
@@ -306,17 +292,15 @@ fn nuisance_columns(it: &Measurement) -> [f64; OF_CAMERA - FIRST_NUISANCE] {
 mod tests {
     use super::*;
 
-    fn shared(kinds: Vec<(Kind, f64)>, by_images: bool) -> Shared {
-        let told = [Told { sd: 1.0, by_images }; 2];
-        let (patches, patch_sd) = (BTreeMap::new(), Vec::new());
-        Shared { values: Vec::new(), kinds, told, patches, patch_sd, surface_sd_m: FIRST_LINK_SD_M }
+    fn shared(kinds: Vec<(Kind, f64)>) -> Shared {
+        Shared { kinds, told_sd: [1.0; 2], ..Shared::default() }
     }
 
     /// The standard deviation that measurements of seven joint zeros tell, each of which has this variance by
     /// itself.
-    fn told(measured: [f64; 7], variance: f64, by_images: bool) -> f64 {
+    fn told(measured: [f64; 7], variance: f64) -> f64 {
         let kinds = (0..7).map(|i| (Kind::JointZero(i), FIRST_ZERO_SD_RAD)).collect();
-        let mut shared = shared(kinds, by_images);
+        let mut shared = shared(kinds);
         for _ in 0..100 {
             let prior = shared.prior_information(0).recip();
             let gain = prior / (prior + variance);
@@ -330,12 +314,11 @@ mod tests {
     #[test]
     fn images_tell_how_far_zeros_are_off() {
         let off = [1.5, -1.5, 1.5, -1.5, 1.5, -1.5, 1.5];
-        assert!((told(off, 0.25, true) - 2.0_f64.sqrt()).abs() < 1e-6);
-        assert!((told(off, 0.25, false) - 1.0).abs() < 1e-12, "what is set stays");
+        assert!((told(off, 0.25) - 2.0_f64.sqrt()).abs() < 1e-6);
         // Less than the measurements are off by themselves: nothing says that the zeros are off by more than
         // a fraction of that.
         let exact = off.map(|it| it / 6.0);
-        assert!(told(exact, 0.25, true) < 0.2);
+        assert!(told(exact, 0.25) < 0.2);
     }
 
     /// What the images show of a patch, with this standard deviation, is its height if it rises above that;
@@ -344,7 +327,7 @@ mod tests {
     fn patches_rise_where_images_say_so() {
         let shown = [8.0, 0.3];
         let variance = 0.25;
-        let mut shared = shared(Vec::new(), true);
+        let mut shared = shared(Vec::new());
         shared.kinds.push((Kind::LinkSurface(3), FIRST_LINK_SD_M));
         shared.values.push(0.0);
         shared.add_patches(&BTreeSet::from([(3, [0, 0, 1]), (3, [0, 1, 1])]));

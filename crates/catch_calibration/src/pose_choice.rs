@@ -118,17 +118,8 @@ fn information(
     camera: &CameraModel,
 ) -> DMatrix<f64> {
     let small = Config { edge_px: 1, silhouette_px: 2, ..config.clone() };
-    let shared = Shared::new(
-        robot,
-        &Config {
-            mount_sd_m: 0.0,
-            mount_sd_rad: 0.0,
-            joint_zero_sd_rad: Some(0.0),
-            link_sd_m: Some(0.0),
-            ..config.clone()
-        },
-    );
-    let posed = PosedArm::new(robot, sample, &shared);
+    let exact = Shared::default();
+    let posed = PosedArm::new(robot, sample, &exact);
     let rendering = Rendering::new(camera, surface, &posed.X_WL, posed.width_m);
     let mut found = Vec::new();
     depths::measure(&mut found, &rendering, camera, None, &small);

@@ -42,21 +42,14 @@ struct World {
 impl World {
     fn new() -> Self {
         let (robot, gripper) = arm();
-        let config = Config {
-            joint_zero_sd_rad: Some(0.01),
-            link_sd_m: Some(0.001),
-            mount_sd_m: 0.001,
-            mount_sd_rad: 0.01,
-            ..Config::default()
-        };
         let X_WC = look_at(&Point3::new(1.8, -0.7, 1.3), &Point3::new(0.3, 0.1, 0.6));
         let q = robot.joint_vector(&[0.3, 0.7, -0.4, -1.3, 0.5, 0.9, 0.2]).unwrap();
         let dq = robot.joint_vector(&[0.5, -0.3, 0.4, 0.6, -0.5, 0.3, 1.0]).unwrap();
         Self {
             camera: CameraModel::with_field_of_view(X_WC, 848, 480, 1.0),
-            shared: Shared::new(&robot, &config),
+            shared: Shared::new(&robot),
             sample: ArmSample { time_s: 0.0, q, dq, width_m: 0.08 },
-            config,
+            config: Config::default(),
             robot,
             gripper,
         }
@@ -119,13 +112,22 @@ fn derivatives_are_those_of_the_renderings() {
     let size = OF_CAMERA + world.shared.values.len() + 1;
     let measured = world.measured();
     let posed = world.posed();
+    let dof = world.robot.dof();
     for parameter in (0..6).chain([TIME_OFFSET]).chain(OF_CAMERA..size - 1) {
         let predicted = |by: f64| -> BTreeMap<Key, f64> {
             world.changed(parameter, by).measured().iter().map(|it| (key(it), it.predicted)).collect()
         };
         for depths in [true, false] {
             // Silhouettes are found to a 256th of a pixel, which their motion has to be well above.
-            let step = if parameter < 6 { 2e-4 } else { 0.05 } * if depths { 1.0 } else { 5.0 };
+            let of_links = OF_CAMERA + dof..OF_CAMERA + 2 * dof + 1;
+            let step = match parameter {
+                0..6 => 2e-4,
+                _ if parameter == TIME_OFFSET || of_links.contains(&parameter) => 0.05,
+                // In standard deviations that are small.
+                _ if parameter < of_links.start => 1.0,
+                _ => 0.2,
+            };
+            let step = if depths { step } else { 5.0 * step };
             let (after, before) = (predicted(step), predicted(-step));
             let (mut errors, mut sizes) = (Vec::new(), Vec::new());
             let mut row = Row::new();

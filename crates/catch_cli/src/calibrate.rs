@@ -29,7 +29,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use self::places::Places;
-use super::{ChoiceArguments, MOST, between, whole};
+use super::{ChoiceArguments, MOST, whole};
 use crate::screen::{self, BAD, GOOD};
 
 /// Images of each camera on the page.
@@ -67,14 +67,6 @@ pub struct CalibrateArguments {
     /// Poses of the arm
     #[arg(long, value_name = "N", default_value_t = Config::default().poses as u64, value_parser = whole(POSES.least as u64, POSES.most as u64))]
     poses: u64,
-    /// Standard deviation of the joints' zeros, in degrees, instead of what the images tell; zero: they are
-    /// exact
-    #[arg(long, value_name = "DEGREES", value_parser = between(0.0, 5.0))]
-    joint_zero_sd_deg: Option<f64>,
-    /// Standard deviation of how far the links' surfaces are from their model, in millimetres, instead of
-    /// what the images tell
-    #[arg(long, value_name = "MM", value_parser = between(0.0, 20.0))]
-    link_sd_mm: Option<f64>,
     /// Throws that refine the calibration afterwards: the cameras see one flight, whose law is known
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(FLIGHTS.least as u64, FLIGHTS.most as u64))]
     flights: u64,
@@ -121,8 +113,6 @@ pub fn run(arguments: &CalibrateArguments, json: bool) -> anyhow::Result<()> {
     check_new(places.all(), "--out")?;
     let config = Config {
         poses: arguments.poses as usize,
-        joint_zero_sd_rad: arguments.joint_zero_sd_deg.map(f64::to_radians),
-        link_sd_m: arguments.link_sd_mm.map(|it| it / 1e3),
         ..calibration::config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, arguments.seed)
     };
     calibration::check_memory(&setup, &config, (COMMAND_LINE, "--poses"))?;

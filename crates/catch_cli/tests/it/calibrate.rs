@@ -50,7 +50,6 @@ fn a_rig_is_calibrated_and_read_again() {
         (&["--rig", "d435_9"], "expected one of d435_1"),
         (&["--poses", "2"], "expected a whole number from 3"),
         (&["--flights", "201"], "expected a whole number from 0 to 200"),
-        (&["--link-sd-mm", "nan"], "expected a number from 0 to 20"),
     ] {
         let output = catchingbot(&[&common[..1], more, &["--out", &at("third")]].concat());
         assert_eq!(output.status.code(), Some(2), "{more:?}");
