@@ -51,6 +51,15 @@ impl TriangleMesh {
         self
     }
 
+    /// One surface of several, which are given in the same frame, by [`merge`](Self::merge).
+    pub fn merged(surfaces: impl IntoIterator<Item = Self>) -> Self {
+        let first = |mut all: Self, next: Self| {
+            all.merge(&next);
+            all
+        };
+        surfaces.into_iter().reduce(first).unwrap_or_default()
+    }
+
     /// Adds the triangles of `other`, which is given in the same frame. Neither surface is cut where they
     /// meet.
     pub fn merge(&mut self, other: &Self) {

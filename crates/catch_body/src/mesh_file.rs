@@ -34,13 +34,7 @@ pub fn mesh_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<TriangleM
 /// # Errors
 /// If the bytes are not a mesh of that format, or numbers are not finite, or indices without a vertex.
 pub fn surface_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<TriangleMesh, InputError> {
-    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-    for (points, faces) in read_groups(file, bytes, scale)? {
-        let first = vertices.len() as u32;
-        vertices.extend(points);
-        triangles.extend(faces.iter().map(|face| face.map(|index| index + first)));
-    }
-    Ok(welded(&vertices, &triangles, scale))
+    Ok(welded(&TriangleMesh::merged(read_groups(file, bytes, scale)?), scale))
 }
 
 /// Meshes as the groups of an OBJ file in metres, to a tenth of a micrometre.
@@ -73,12 +67,11 @@ pub fn groups_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Vec
     if groups.is_empty() {
         return Err(InputError::new(file, "faces", "no triangles", "the surface of a solid"));
     }
-    let points = |(vertices, triangles): Soup| welded(&vertices, &triangles, scale).vertices;
-    Ok(groups.into_iter().map(points).collect())
+    Ok(groups.iter().map(|it| welded(it, scale).vertices).collect())
 }
 
 /// The groups of a file, their numbers finite and their indices within range.
-fn read_groups(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Soup>, InputError> {
+fn read_groups(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<TriangleMesh>, InputError> {
     quantity::SCALE.check(file, "scale", scale)?;
     checked(file, groups_of(file, bytes)?)
 }
@@ -92,7 +85,7 @@ pub fn extension(file: &str) -> String {
 ///
 /// # Errors
 /// If the bytes are not a mesh of that format.
-pub fn groups_of(file: &str, bytes: &[u8]) -> Result<Vec<Soup>, InputError> {
+pub fn groups_of(file: &str, bytes: &[u8]) -> Result<Vec<TriangleMesh>, InputError> {
     match extension(file).as_str() {
         "obj" => obj::read(file, bytes),
         "stl" => Ok(vec![stl::read(file, bytes)?]),
@@ -104,10 +97,10 @@ pub fn groups_of(file: &str, bytes: &[u8]) -> Result<Vec<Soup>, InputError> {
 ///
 /// # Errors
 /// The first number or index that is not.
-pub fn checked(file: &str, groups: Vec<Soup>) -> Result<Vec<Soup>, InputError> {
-    for (vertices, triangles) in &groups {
+pub fn checked(file: &str, groups: Vec<TriangleMesh>) -> Result<Vec<TriangleMesh>, InputError> {
+    for TriangleMesh { vertices, triangles } in &groups {
         if let Some(i) = vertices.iter().position(|it| !it.iter().all(|value| value.is_finite())) {
-            let (field, found) = (format!("vertex {}", i + 1), format!("{:?}", vertices[i]));
+            let (field, found) = (format!("vertex {}", i + 1), format!("{:?}", vertices[i].coords.as_slice()));
             return Err(InputError::new(file, field, found, "finite numbers"));
         }
         if let Some(missing) = triangles.iter().flatten().find(|&&index| index as usize >= vertices.len()) {
@@ -118,25 +111,23 @@ pub fn checked(file: &str, groups: Vec<Soup>) -> Result<Vec<Soup>, InputError> {
     Ok(groups)
 }
 
-/// Vertices and triangles as a file has them.
-pub type Soup = (Vec<[f64; 3]>, Vec<[u32; 3]>);
-
 /// Joins vertices that lie at the same place, drops triangles that are left without three corners, and
 /// scales.
-pub fn welded(vertices: &[[f64; 3]], triangles: &[[u32; 3]], scale: f64) -> TriangleMesh {
+pub fn welded(surface: &TriangleMesh, scale: f64) -> TriangleMesh {
     let mut places = std::collections::HashMap::new();
     let mut mesh = TriangleMesh::default();
-    let merged: Vec<u32> = vertices
+    let merged: Vec<u32> = surface
+        .vertices
         .iter()
         .map(|vertex| {
             // Adding zero makes −0 and +0 the same place.
             *places.entry(vertex.map(|value| (value + 0.0).to_bits())).or_insert_with(|| {
-                mesh.vertices.push(Point3::from(*vertex) * scale);
+                mesh.vertices.push(vertex * scale);
                 mesh.vertices.len() as u32 - 1
             })
         })
         .collect();
-    mesh.triangles = triangles.iter().map(|triangle| triangle.map(|index| merged[index as usize])).collect();
+    mesh.triangles = surface.triangles.iter().map(|triangle| triangle.map(|index| merged[index as usize])).collect();
     mesh.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
     mesh
 }

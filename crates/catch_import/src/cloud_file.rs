@@ -5,7 +5,7 @@ use std::path::Path;
 use catch_body::{
     InputError, TriangleMesh,
     document::Document,
-    mesh_file::{extension, mesh_from_bytes},
+    mesh_file::{checked, extension, mesh_from_bytes},
 };
 use catch_sim::object::check_length;
 use nalgebra::{Point3, Vector3};
@@ -14,7 +14,7 @@ use catch_recording::bounded_file::FileKind;
 
 use crate::{
     row_numbers::{Encoding, Number, Numbers, split_header},
-    surface_file::{PlyFile, triangles_from_bytes},
+    surface_file::PlyFile,
 };
 
 /// Points and, where the file has them, the surface's outward normals there.
@@ -51,8 +51,8 @@ pub fn parse(file: &str, bytes: &[u8], meshes: bool) -> Result<CloudFile, InputE
     let cloud = match extension.as_str() {
         "ply" => {
             let ply = PlyFile::from_bytes(file, bytes)?;
-            if meshes && !ply.triangles.is_empty() {
-                of_mesh(file, &triangles_from_bytes(file, bytes)?.swap_remove(0))?
+            if meshes && !ply.mesh.triangles.is_empty() {
+                of_mesh(file, &checked(file, vec![ply.mesh])?[0])?
             } else {
                 of_ply(file, &ply)?
             }
@@ -133,9 +133,9 @@ impl CloudFile {
 /// The vertices of a PLY file.
 fn of_ply(file: &str, ply: &PlyFile) -> Result<CloudFile, InputError> {
     let mut cloud = CloudFile { points: Vec::new(), normals: ply.normals.as_ref().map(|_| Vec::new()) };
-    for (i, place) in ply.vertices.iter().enumerate() {
-        let normal = ply.normals.as_ref().map(|it| it[i].into());
-        cloud.add((*place).into(), normal).map_err(|found| no_place(file, i, found))?;
+    for (i, place) in ply.mesh.vertices.iter().enumerate() {
+        let normal = ply.normals.as_ref().map(|it| it[i]);
+        cloud.add(*place, normal).map_err(|found| no_place(file, i, found))?;
     }
     Ok(cloud)
 }

@@ -115,9 +115,7 @@ mod tests {
             }
             block = finer;
         }
-        let vertices: Vec<[f64; 3]> = block.vertices.iter().map(|it| it.coords.into()).collect();
-        let block = welded(&vertices, &block.triangles, 1.0);
-        let (fewer, _) = block.simplified(6_000).unwrap();
+        let (fewer, _) = welded(&block, 1.0).simplified(6_000).unwrap();
         assert!(fewer.is_closed());
         assert!((fewer.aabb().size - size).amax() < 1e-4, "{}", fewer.aabb().size);
         assert!((fewer.volume() / size.product() - 1.0).abs() < 2e-3, "{}", fewer.volume() / size.product());

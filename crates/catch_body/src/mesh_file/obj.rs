@@ -2,8 +2,10 @@
 
 use std::collections::HashMap;
 
-use super::{MOST_TRIANGLES, Soup};
-use crate::InputError;
+use nalgebra::Point3;
+
+use super::MOST_TRIANGLES;
+use crate::{InputError, mesh::TriangleMesh};
 
 /// Keywords of colours, textures, lines, points and curves: none of them is a surface.
 const HARMLESS: &str = "vt vn vp s usemtl usemap mtllib maplib mg l p cstype deg bmat step curv curv2 \
@@ -11,7 +13,7 @@ const HARMLESS: &str = "vt vn vp s usemtl usemap mtllib maplib mg l p cstype deg
     cdp res";
 
 /// Vertices and triangles of each object or group that has a face; polygons are cut into fans.
-pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Vec<Soup>, InputError> {
+pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Vec<TriangleMesh>, InputError> {
     let text = String::from_utf8_lossy(bytes);
     let mut reader = Reader::default();
     let mut joined = String::new();
@@ -37,14 +39,15 @@ pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Vec<Soup>, InputError> {
     // Faces may stand above their vertices.
     let places = reader.places;
     let group = |(indices, triangles): (Vec<u32>, Vec<[u32; 3]>)| {
-        (indices.into_iter().map(|it| places[it as usize]).collect(), triangles)
+        let vertices = indices.into_iter().map(|it| places[it as usize]).collect();
+        TriangleMesh { vertices, triangles }
     };
     Ok(reader.groups.into_iter().map(group).collect())
 }
 
 #[derive(Default)]
 struct Reader {
-    places: Vec<[f64; 3]>,
+    places: Vec<Point3<f64>>,
     /// Vertices that each group uses, and its triangles between them.
     groups: Vec<(Vec<u32>, Vec<[u32; 3]>)>,
     /// Vertices of the present group by their numbers in the file.
@@ -64,7 +67,7 @@ impl Reader {
             None => Ok(()),
             Some("v") => {
                 let mut number = || words.next()?.parse::<f32>().ok().map(f64::from);
-                let place = (|| Some([number()?, number()?, number()?]))();
+                let place = (|| Some(Point3::new(number()?, number()?, number()?)))();
                 self.places.push(place.ok_or("three numbers")?);
                 Ok(())
             }
@@ -119,7 +122,7 @@ mod tests {
     #[test]
     fn files_are_read_however_they_are_written() {
         let whole = read("a.obj", SQUARE.as_bytes()).unwrap();
-        assert_eq!(whole[0].1, [[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(whole[0].triangles, [[0, 1, 2], [0, 2, 3]]);
         for text in [
             SQUARE.replace('\n', "\r\n"),
             format!("\u{feff}{SQUARE}"),
@@ -132,7 +135,7 @@ mod tests {
             assert_eq!(read("a.obj", text.as_bytes()).unwrap(), whole, "{text}");
         }
         let two = read("a.obj", format!("o one\n{SQUARE}g two\nf 4 3 2\n").as_bytes()).unwrap();
-        assert_eq!((two.len(), &two[1].0[0]), (2, &[0.0, 1.0, 0.0]));
+        assert_eq!((two.len(), &two[1].vertices[0]), (2, &Point3::new(0.0, 1.0, 0.0)));
         for (text, expected) in [
             ("surf 0 1 0 1 1 2 3\n", "line 1: found `surf"),
             ("v 0 0\n", "three numbers"),

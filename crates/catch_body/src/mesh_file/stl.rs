@@ -1,7 +1,9 @@
 //! Reads STL files: binary, or text of one solid or several, in capitals or small letters.
 
-use super::{MOST_TRIANGLES, Soup};
-use crate::InputError;
+use nalgebra::Point3;
+
+use super::MOST_TRIANGLES;
+use crate::{InputError, mesh::TriangleMesh};
 
 /// Bytes in front of the triangles of a binary file, and of each of them.
 const HEAD: usize = 84;
@@ -11,7 +13,7 @@ const EACH: usize = 50;
 const EXPECTED: &str = "an STL mesh, binary or text";
 
 /// Vertices and triangles of all solids of a file.
-pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
+pub(super) fn read(file: &str, bytes: &[u8]) -> Result<TriangleMesh, InputError> {
     let count = bytes.get(80..HEAD).and_then(|it| it.try_into().ok()).map_or(0, u32::from_le_bytes) as usize;
     // Some binary files begin like text files; their length tells.
     let end = HEAD + EACH * count;
@@ -34,8 +36,14 @@ pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
     let number = |bytes: &[u8; 4]| f64::from(f32::from_le_bytes(*bytes));
     // Of the 50 bytes of a triangle the first 12 are its normal, which follows from its corners.
     let corners = bytes[HEAD..end].chunks_exact(EACH).flat_map(|it| it[12..48].as_chunks::<12>().0);
-    let vertices: Vec<[f64; 3]> = corners.map(|it| std::array::from_fn(|k| number(&it.as_chunks().0[k]))).collect();
-    Ok((vertices, (0..count as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect()))
+    let corner = |it: &[u8; 12]| Point3::from(std::array::from_fn(|k| number(&it.as_chunks().0[k])));
+    Ok(of_corners(corners.map(corner).collect()))
+}
+
+/// A surface whose triangles have no vertex in common.
+fn of_corners(vertices: Vec<Point3<f64>>) -> TriangleMesh {
+    let triangles = (0..vertices.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    TriangleMesh { vertices, triangles }
 }
 
 fn is_text(bytes: &[u8]) -> bool {
@@ -45,9 +53,9 @@ fn is_text(bytes: &[u8]) -> bool {
     begins && bytes.iter().take(1000).all(|it| *it >= 0x80 || !it.is_ascii_control() || it.is_ascii_whitespace())
 }
 
-fn text(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
+fn text(file: &str, bytes: &[u8]) -> Result<TriangleMesh, InputError> {
     let text = String::from_utf8_lossy(bytes);
-    let (mut soup, mut solids, mut is_open) = (Soup::default(), 0, false);
+    let (mut corners, mut solids, mut is_open) = (Vec::new(), 0, false);
     // Words of a facet that are still to come.
     let mut words: Vec<&str> = Vec::new();
     for (i, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
@@ -75,20 +83,18 @@ fn text(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
             words.push(word);
             if words.len() == WORDS.len() {
                 let number = |at: usize| words[at].parse::<f32>().map_or(f64::NAN, f64::from);
-                let first = soup.0.len() as u32;
-                soup.0.extend([8, 12, 16].map(|at| [number(at), number(at + 1), number(at + 2)]));
-                soup.1.push([first, first + 1, first + 2]);
+                corners.extend([8, 12, 16].map(|at| Point3::new(number(at), number(at + 1), number(at + 2))));
                 words.clear();
             }
         }
-        if soup.1.len() > MOST_TRIANGLES {
+        if corners.len() > 3 * MOST_TRIANGLES {
             return Err(fault("one more facet", &format!("at most {MOST_TRIANGLES}")));
         }
     }
     if is_open || solids == 0 {
         return Err(InputError::new(file, "content", "a solid without its end", "`endsolid`: the whole file"));
     }
-    Ok(soup)
+    Ok(of_corners(corners))
 }
 
 /// The words of a facet; `#` is a number.
@@ -106,7 +112,7 @@ mod tests {
         "facet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1e0 0 0\n  vertex 0 1 0\n endloop\nendfacet\n";
 
     fn count(text: &str) -> Result<usize, String> {
-        read("a.stl", text.as_bytes()).map(|(_, triangles)| triangles.len()).map_err(|it| it.to_string())
+        read("a.stl", text.as_bytes()).map(|it| it.triangles.len()).map_err(|it| it.to_string())
     }
 
     #[test]
@@ -141,7 +147,7 @@ mod tests {
         bytes.resize(80, b' ');
         bytes.extend(2u32.to_le_bytes());
         bytes.extend([1; 100]);
-        let count = |bytes: &[u8]| read("a.stl", bytes).map(|it| it.1.len()).map_err(|it| it.to_string());
+        let count = |bytes: &[u8]| read("a.stl", bytes).map(|it| it.triangles.len()).map_err(|it| it.to_string());
         assert_eq!(count(&bytes), Ok(2));
         assert_eq!(count(&[&bytes[..], &[0; 10]].concat()), Ok(2));
         assert!(count(&[&bytes[..], &[7; 50]].concat()).unwrap_err().contains("50 bytes behind the 2 triangles"));

@@ -105,7 +105,7 @@ impl Source {
                 return Err(InputError::new(file, "extension", format!("`{}`", ending(&path)), FILE.expected));
             }
             let (groups, in_metres) = surface_file::read(&path)?;
-            let surface = merged(groups);
+            let surface = TriangleMesh::merged(groups);
             let findings = vec![format!("{file}: {} triangles", surface.triangles.len())];
             return Ok(Self { file, named, surface, in_metres, findings, ..Self::default() });
         }
@@ -150,7 +150,7 @@ impl Source {
         faults.extend(others);
         source.findings.extend(faults.iter().map(|it| format!("not read: {it}")));
         let of_visuals = !visuals.is_empty();
-        source.surface = merged(if of_visuals { visuals } else { collisions.clone() });
+        source.surface = TriangleMesh::merged(if of_visuals { visuals } else { collisions.clone() });
         if source.surface.triangles.is_empty() {
             let none = || InputError::new(&source.file, format!("link {name}"), "no shape", "a visual or a collision");
             return Err(faults.into_iter().next().unwrap_or_else(none));
@@ -275,14 +275,7 @@ fn chosen<'a>(description: &'a Description, named: Option<&str>) -> Result<(&'a 
 fn is_cloud(path: &Path, bytes: &[u8]) -> bool {
     match ending(path).as_str() {
         "pcd" | "xyz" => true,
-        "ply" => PlyFile::from_bytes("", bytes).is_ok_and(|it| it.triangles.is_empty()),
+        "ply" => PlyFile::from_bytes("", bytes).is_ok_and(|it| it.mesh.triangles.is_empty()),
         _ => false,
     }
-}
-
-fn merged(groups: Vec<TriangleMesh>) -> TriangleMesh {
-    let mut groups = groups.into_iter();
-    let mut all = groups.next().unwrap_or_default();
-    groups.for_each(|it| all.merge(&it));
-    all
 }

@@ -7,10 +7,10 @@ use crate::{
     description::{Body, Geometry, Shape},
     mesh_files::MeshFiles,
 };
-use catch_body::{InputError, TriangleMesh, neighbours::bounds, shape::Capsule};
+use catch_body::{InputError, TriangleMesh, mesh_file::welded, neighbours::bounds, shape::Capsule};
 use nalgebra::{Point3, Vector3};
 
-use super::visual_mesh::{joined, seen_from_outside};
+use super::visual_mesh::seen_from_outside;
 
 /// Shapes of one body at most.
 const MOST_SHAPES: usize = 200;
@@ -48,9 +48,8 @@ impl BodyShape {
                 let (field, found) = (format!("link {}", body.links[0]), format!("{} shapes", shapes.len()));
                 return Err(InputError::new(&file, field, found, format!("at most {MOST_SHAPES}")));
             }
-            let mut all = TriangleMesh::default();
             let (surfaces, faults) = meshes.placed(shapes, too_large)?;
-            surfaces.iter().for_each(|it| all.merge(&joined(it)));
+            let all = TriangleMesh::merged(surfaces.iter().map(|it| welded(it, 1.0)));
             let is_whole = faults.is_empty();
             shape.unread.extend(faults);
             Ok((all, is_whole))

@@ -17,7 +17,7 @@ const RAYS: usize = 32;
 /// The part of a surface that can be seen from outside, each triangle facing there, in at most
 /// [`MOST_VISUAL_TRIANGLES`]; with the edge in metres of the cells in which vertices became one.
 pub(super) fn seen_from_outside(surface: &TriangleMesh) -> (TriangleMesh, f64) {
-    let mut mesh = joined(surface);
+    let mut mesh = welded(surface, 1.0);
     let mut known = HashSet::new();
     mesh.triangles.retain(|triangle| {
         let mut corners = *triangle;
@@ -47,12 +47,6 @@ pub(super) fn seen_from_outside(surface: &TriangleMesh) -> (TriangleMesh, f64) {
     outer.drop_unused_vertices();
     let (outer, after_m) = outer.simplified(MOST_VISUAL_TRIANGLES).unwrap_or((outer, 0.0));
     (outer, before_m.max(after_m))
-}
-
-/// The surface with one vertex at each place.
-pub(super) fn joined(surface: &TriangleMesh) -> TriangleMesh {
-    let vertices: Vec<[f64; 3]> = surface.vertices.iter().map(|it| it.coords.into()).collect();
-    welded(&vertices, &surface.triangles, 1.0)
 }
 
 #[cfg(test)]

@@ -7,22 +7,19 @@ use std::collections::HashMap;
 
 use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
 
-use super::ply::strip;
+use super::{
+    NUMBER, Scene,
+    ply::{fan, strip},
+};
 use catch_body::{
-    InputError,
+    InputError, TriangleMesh,
     document::{Document, Harmless, Node},
-    mesh_file::{MOST_TRIANGLES, Soup},
+    mesh_file::MOST_TRIANGLES,
     quantity::Quantity,
 };
 
-/// Nodes of a scene may be nested this deep.
-const DEEPEST: usize = 64;
-/// Nodes of a scene, instances counted each time.
-const MOST_VISITS: usize = 10_000;
 /// Kind of file that is expected.
 const EXPECTED: &str = "a COLLADA mesh of triangles or polygons";
-/// Numbers of transformations and places.
-const NUMBER: Quantity = Quantity { least: -1e12, most: 1e12, unit: "" };
 /// Metres per unit.
 const METRES: Quantity = Quantity { least: 1e-9, most: 1e9, unit: "m" };
 
@@ -56,7 +53,7 @@ const HARMLESS: Harmless = &[
 const POLYGONS: &str = "@count @material";
 
 /// Vertices in metres and triangles of all geometries of a file.
-pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
+pub(super) fn read(file: &str, bytes: &[u8]) -> Result<TriangleMesh, InputError> {
     let fault = |found: String| InputError::new(file, "content", found, EXPECTED);
     let text = std::str::from_utf8(bytes).map_err(|it| fault(it.to_string()))?;
     let document = Document::from_xml(file, text.trim_start_matches('\u{feff}'), EXPECTED)?;
@@ -65,7 +62,7 @@ pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
         return Err(fault(format!("<{}>", root.name())));
     }
     let by_id = root.descendants().filter_map(|node| Some((node.attribute("id")?, node))).collect();
-    let mut reader = Reader { by_id, known: HashMap::new(), soup: Soup::default(), visits: 0 };
+    let mut reader = Reader { by_id, known: HashMap::new(), scene: Scene::default() };
     let metres = root.child("asset").and_then(|it| it.child("unit"));
     let metres = metres.and_then(|it| Some((it, it.attribute("meter")?.parse::<f64>())));
     let metres = match metres {
@@ -93,24 +90,19 @@ pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
         library.children("geometry").chain(library.children("node")).for_each(|it| reader.leave_out_unless_used(it));
     }
     document.finish(&[HARMLESS])?;
-    Ok(reader.soup)
+    Ok(reader.scene.shown)
 }
 
 struct Reader<'a> {
     by_id: HashMap<&'a str, Node<'a>>,
     /// Geometries and nodes that were shown, by their ids; of geometries what they hold.
-    known: HashMap<&'a str, Soup>,
-    soup: Soup,
-    visits: usize,
+    known: HashMap<&'a str, TriangleMesh>,
+    scene: Scene,
 }
 
 impl<'a> Reader<'a> {
     fn node(&mut self, node: Node<'a>, X_WP: &Matrix4<f64>, depth: usize) -> Result<(), InputError> {
-        self.visits += 1;
-        if depth > DEEPEST || self.visits > MOST_VISITS {
-            let found = format!("nodes nested more than {DEEPEST} deep, or more than {MOST_VISITS} of them");
-            return Err(node.fault(found, EXPECTED));
-        }
+        self.scene.visit(node, depth)?;
         if let Some(id) = node.attribute("id") {
             self.known.entry(id).or_default();
         }
@@ -147,23 +139,15 @@ impl<'a> Reader<'a> {
     fn place(&mut self, geometry: Node<'a>, X_WG: &Matrix4<f64>) -> Result<(), InputError> {
         let id = geometry.attribute("id").unwrap_or_default();
         if !self.known.contains_key(id) {
-            let soup = self.geometry(geometry)?;
-            self.known.insert(id, soup);
+            let surface = self.geometry(geometry)?;
+            self.known.insert(id, surface);
         }
-        let (vertices, triangles) = &self.known[id];
-        if self.soup.1.len() + triangles.len() > MOST_TRIANGLES {
-            return Err(geometry.fault("more triangles", format!("at most {MOST_TRIANGLES} in all that is shown")));
-        }
-        let first = self.soup.0.len() as u32;
-        let moved = vertices.iter().map(|it| <[f64; 3]>::from(X_WG.transform_point(&Point3::from(*it)).coords));
-        self.soup.0.extend(moved);
-        self.soup.1.extend(triangles.iter().map(|it| it.map(|index| first + index)));
-        Ok(())
+        self.scene.add(&self.known[id], X_WG, geometry)
     }
 
     /// Reads the triangles of a geometry, in its own frame; only vertices that some face has.
-    fn geometry(&self, geometry: Node<'a>) -> Result<Soup, InputError> {
-        let mut soup = Soup::default();
+    fn geometry(&self, geometry: Node<'a>) -> Result<TriangleMesh, InputError> {
+        let mut surface = TriangleMesh::default();
         let mut positions = HashMap::new();
         for mesh in geometry.children("mesh") {
             for vertices in mesh.children("vertices") {
@@ -175,7 +159,7 @@ impl<'a> Reader<'a> {
             let mut read = 0;
             for kind in ["triangles", "polylist", "polygons", "tristrips", "trifans"] {
                 for primitive in mesh.children(kind) {
-                    self.primitive(primitive, kind, &mut soup, &mut positions)?;
+                    self.primitive(primitive, kind, &mut surface, &mut positions)?;
                     read += 1;
                 }
             }
@@ -187,7 +171,7 @@ impl<'a> Reader<'a> {
                 }
             }
         }
-        Ok(soup)
+        Ok(surface)
     }
 
     /// The source of the places of the vertices that an input means.
@@ -202,8 +186,8 @@ impl<'a> Reader<'a> {
         &self,
         primitive: Node<'a>,
         kind: &'static str,
-        soup: &mut Soup,
-        positions: &mut HashMap<&'a str, Vec<[f64; 3]>>,
+        surface: &mut TriangleMesh,
+        positions: &mut HashMap<&'a str, Vec<Point3<f64>>>,
     ) -> Result<(), InputError> {
         let fault = |found: &str| primitive.fault(found, EXPECTED);
         let inputs: Vec<(Node, &str, usize)> = primitive.children("input").map(input_of).collect();
@@ -218,7 +202,7 @@ impl<'a> Reader<'a> {
         let mut numbers = HashMap::new();
         let mut corner = |index: usize| -> Result<u32, InputError> {
             let place = *places.get(index).ok_or_else(|| fault("a vertex that is not there"))?;
-            let vertices = &mut soup.0;
+            let vertices = &mut surface.vertices;
             Ok(*numbers.entry(index).or_insert_with(|| {
                 vertices.push(place);
                 vertices.len() as u32 - 1
@@ -230,22 +214,22 @@ impl<'a> Reader<'a> {
             let all = numbers_of::<usize>(list)?;
             let corners: Vec<usize> = all.iter().skip(vertex.2).step_by(stride).copied().collect();
             let corners: Vec<u32> = corners.into_iter().map(&mut corner).collect::<Result<_, _>>()?;
-            let fan = |face: &[u32]| (2..face.len()).map(|i| [face[0], face[i - 1], face[i]]).collect::<Vec<_>>();
+            let triangles = &mut surface.triangles;
             match kind {
-                "tristrips" => soup.1.extend(strip(&corners)),
-                "polygons" | "trifans" => soup.1.extend(fan(&corners)),
-                "triangles" => soup.1.extend(corners.as_chunks::<3>().0),
+                "tristrips" => triangles.extend(strip(&corners)),
+                "polygons" | "trifans" => triangles.extend(fan(&corners)),
+                "triangles" => triangles.extend(corners.as_chunks::<3>().0),
                 _ => {
                     let mut rest = &corners[..];
                     for size in counts.by_ref() {
                         let (face, others) =
                             rest.split_at_checked(size).ok_or_else(|| fault("fewer corners than faces need"))?;
                         rest = others;
-                        soup.1.extend(fan(face));
+                        triangles.extend(fan(face));
                     }
                 }
             }
-            if soup.1.len() > MOST_TRIANGLES {
+            if triangles.len() > MOST_TRIANGLES {
                 return Err(fault("more triangles than are read"));
             }
         }
@@ -261,7 +245,7 @@ fn input_of(node: Node<'_>) -> (Node<'_>, &str, usize) {
 }
 
 /// The places of a source, as its accessor says.
-fn read_positions(source: Node) -> Result<Vec<[f64; 3]>, InputError> {
+fn read_positions(source: Node) -> Result<Vec<Point3<f64>>, InputError> {
     let missing = || source.fault("no <float_array>", "the places of vertices");
     let values = numbers_of::<f64>(source.child("float_array").ok_or_else(missing)?)?;
     let accessor = source.child("technique_common").and_then(|it| it.child("accessor"));
@@ -276,7 +260,7 @@ fn read_positions(source: Node) -> Result<Vec<[f64; 3]>, InputError> {
         return Err(source.fault(format!("places {} with a stride of {stride}", axes.join(", ")), "X, Y, Z"));
     }
     let rows = values.get(offset..).unwrap_or_default().chunks(stride);
-    Ok(rows.filter_map(|it| Some([*it.first()?, *it.get(1)?, *it.get(2)?])).collect())
+    Ok(rows.filter_map(|it| Some(Point3::new(*it.first()?, *it.get(1)?, *it.get(2)?))).collect())
 }
 
 /// Transformation of the frame of a node by an element; the identity for one that is no transformation.
@@ -322,10 +306,10 @@ mod tests {
 
     #[test]
     fn polygons_are_placed_and_scaled() {
-        let (vertices, triangles) = read("a.dae", SQUARE.as_bytes()).unwrap();
+        let TriangleMesh { vertices, triangles } = read("a.dae", SQUARE.as_bytes()).unwrap();
         assert_eq!(triangles, [[0, 1, 2], [0, 2, 3]]);
         let expected = Vector3::new(1.0, 1.0, 0.5);
-        assert!((Vector3::from(vertices[2]) - expected).norm() < 1e-12, "{:?}", vertices[2]);
+        assert!((vertices[2].coords - expected).norm() < 1e-12, "{:?}", vertices[2]);
     }
 
     #[test]
@@ -357,11 +341,11 @@ mod tests {
     #[test]
     fn strips_are_triangles_and_only_the_scene_is_shown() {
         let strips = SQUARE.replace("polylist", "tristrips").replace("<vcount>4</vcount>", "");
-        assert_eq!(read("a.dae", strips.as_bytes()).unwrap().1, [[0, 1, 2], [2, 1, 3]]);
+        assert_eq!(read("a.dae", strips.as_bytes()).unwrap().triangles, [[0, 1, 2], [2, 1, 3]]);
         let other = "<visual_scene id=\"x\"><node><skew/><instance_geometry url=\"#g\"/></node></visual_scene>";
         let text = SQUARE
             .replace("<library_visual_scenes>", &format!("<library_visual_scenes>{other}"))
             .replace("</COLLADA>", "<scene><instance_visual_scene url=\"#w\"/></scene></COLLADA>");
-        assert_eq!(read("a.dae", text.as_bytes()).unwrap().1.len(), 2);
+        assert_eq!(read("a.dae", text.as_bytes()).unwrap().triangles.len(), 2);
     }
 }

@@ -6,36 +6,27 @@
 use std::{
     borrow::Cow,
     collections::{HashMap, HashSet},
-    rc::Rc,
 };
 
 use base64::{Engine, prelude::BASE64_STANDARD};
 use catch_body::{
     InputError, TriangleMesh,
     document::{Harmless, Node},
-    mesh_file::MOST_TRIANGLES,
-    quantity::Quantity,
 };
-use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix4, Quaternion, UnitQuaternion, Vector3};
 use percent_encoding::percent_decode_str;
 
 use super::{
+    NUMBER, Scene,
     gltf_accessor::{Buffers, index, rows},
-    ply::strip,
+    ply::{fan, strip},
 };
 use crate::json;
 
-/// Nodes may be nested this deep.
-const DEEPEST: usize = 64;
-/// Nodes of a scene, instances counted each time.
-const MOST_VISITS: usize = 10_000;
 /// Content of GLB files: its first bytes, and the kinds of its parts.
 const MAGIC: &[u8] = b"glTF";
 const JSON: &[u8] = b"JSON";
 const BINARY: &[u8] = b"BIN\0";
-/// Numbers of transformations and weights.
-const NUMBER: Quantity = Quantity { least: -1e12, most: 1e12, unit: "" };
-
 /// Names that draw, move or describe a mesh.
 const HARMLESS: Harmless = &[
     ("", "asset materials textures images samplers cameras animations extensionsUsed extensions"),
@@ -57,8 +48,7 @@ const MAY_BE_REQUIRED: [&str; 6] =
 /// Reads the bytes of a file; `file` names it in errors, and `load` reads what lies beside it.
 ///
 /// # Errors
-/// If it is no glTF 2.0, has what changes its shape and is not read, refers to what is not there, or has no
-/// triangle.
+/// If it is no glTF 2.0, has what changes its shape and is not read, or refers to what is not there.
 pub fn read(
     file: &str,
     bytes: &[u8],
@@ -90,8 +80,7 @@ pub fn read(
         meshes: list("meshes"),
         buffers,
         known: HashMap::new(),
-        mesh: TriangleMesh::default(),
-        visits: 0,
+        scene: Scene::default(),
     };
     let y_up = Matrix4::new_rotation(Vector3::x() * std::f64::consts::FRAC_PI_2);
     for node in reader.roots(root)? {
@@ -99,8 +88,7 @@ pub fn read(
     }
     reader.leave_out_the_rest();
     document.finish(&[HARMLESS])?;
-    let mesh = reader.mesh;
-    if mesh.triangles.is_empty() { Err(fault("meshes", "no triangles", "a surface")) } else { Ok(mesh) }
+    Ok(reader.scene.shown)
 }
 
 /// The bytes of a buffer: of the file itself, within the document, or of a file beside it.
@@ -146,9 +134,8 @@ struct Reader<'a> {
     meshes: Vec<Node<'a>>,
     buffers: Buffers<'a>,
     /// Primitives that were read, by mesh, primitive and weights of its morph targets.
-    known: HashMap<(usize, usize, Vec<u64>), Rc<TriangleMesh>>,
-    mesh: TriangleMesh,
-    visits: usize,
+    known: HashMap<(usize, usize, Vec<u64>), TriangleMesh>,
+    scene: Scene,
 }
 
 impl<'a> Reader<'a> {
@@ -187,11 +174,8 @@ impl<'a> Reader<'a> {
 
     fn node(&mut self, number: usize, X_WP: &Matrix4<f64>, depth: usize) -> Result<(), InputError> {
         let fault = |found: String, expected: &str| InputError::new(self.file, "nodes", found, expected);
-        self.visits += 1;
-        if depth > DEEPEST || self.visits > MOST_VISITS {
-            return Err(fault("nodes without end".into(), "at most some thousand, each in one other"));
-        }
         let node = *self.nodes.get(number).ok_or_else(|| fault(format!("node {number}"), "a node that is there"))?;
+        self.scene.visit(node, depth)?;
         let visibility = node.child("extensions").and_then(|it| it.child(VISIBILITY));
         if visibility.and_then(|it| it.child("visible")).is_some_and(|it| it.text() == "false") {
             return Ok(());
@@ -244,21 +228,9 @@ impl<'a> Reader<'a> {
         let key = (mesh, number, weights.iter().map(|it| it.to_bits()).collect());
         if !self.known.contains_key(&key) {
             let mesh = self.primitive(primitive, weights)?;
-            self.known.insert(key.clone(), Rc::new(mesh));
+            self.known.insert(key.clone(), mesh);
         }
-        let known = self.known[&key].clone();
-        if self.mesh.triangles.len() + known.triangles.len() > MOST_TRIANGLES {
-            let found = "more triangles in all that is shown";
-            return Err(InputError::new(self.file, "meshes", found, format!("at most {MOST_TRIANGLES}")));
-        }
-        let vertices: Vec<Point3<f64>> = known.vertices.iter().map(|it| X_WN.transform_point(it)).collect();
-        if !vertices.iter().all(|it| it.coords.iter().all(|value| value.is_finite())) {
-            return Err(primitive.fault("a vertex that is not finite", "finite numbers"));
-        }
-        let first = self.mesh.vertices.len() as u32;
-        self.mesh.vertices.extend(vertices);
-        self.mesh.triangles.extend(known.triangles.iter().map(|it| it.map(|corner| corner + first)));
-        Ok(())
+        self.scene.add(&self.known[&key], X_WN, primitive)
     }
 
     /// The triangles of a primitive with the vertices that they have, moved by its morph targets.
@@ -295,7 +267,7 @@ impl<'a> Reader<'a> {
         let triangles = match mode {
             4 => corners.as_chunks::<3>().0.to_vec(),
             5 => strip(&corners).collect(),
-            _ => corners.windows(2).skip(1).map(|it| [corners[0], it[0], it[1]]).collect(),
+            _ => fan(&corners).collect(),
         };
         let vertices = places.as_chunks().0.iter().map(|it| <[f64; 3]>::into(*it)).collect();
         let mut mesh = TriangleMesh { vertices, triangles };
@@ -428,8 +400,7 @@ mod tests {
         };
         let one = shown(", {\"mesh\": 0, \"extensions\": {\"KHR_node_visibility\": {\"visible\": true}}}");
         assert_eq!(one.unwrap().vertices.len(), 3);
-        let none = shown(", {\"name\": \"nothing\"}").unwrap_err().to_string();
-        assert!(none.contains("no triangles"), "{none}");
+        assert!(shown(", {\"name\": \"nothing\"}").unwrap().triangles.is_empty());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Reads PLY files, text or binary: vertices, their normals, and the polygons between them.
 
-use catch_body::{InputError, mesh_file::MOST_TRIANGLES};
+use catch_body::{InputError, TriangleMesh, mesh_file::MOST_TRIANGLES};
+use nalgebra::{Point3, Vector3};
 
 use crate::row_numbers::{Encoding, Number, Numbers, split_header};
 
@@ -12,12 +13,10 @@ const HARMLESS: [&str; 4] = ["edge", "camera", "material", "range_grid"];
 /// Contents of a PLY file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PlyFile {
-    /// Places in the unit of the file.
-    pub vertices: Vec<[f64; 3]>,
+    /// Places in the unit of the file, and the triangles between them; polygons are cut into fans.
+    pub mesh: TriangleMesh,
     /// Normals of the vertices, where the file has them.
-    pub normals: Option<Vec<[f64; 3]>>,
-    /// Triangles; polygons are cut into fans.
-    pub triangles: Vec<[u32; 3]>,
+    pub normals: Option<Vec<Vector3<f64>>>,
 }
 
 struct Property {
@@ -48,11 +47,11 @@ impl PlyFile {
         for element in &elements {
             for row in 0..element.rows {
                 ply.row(element, &mut numbers, row)?;
-                if ply.triangles.len() > MOST_TRIANGLES {
+                if ply.mesh.triangles.len() > MOST_TRIANGLES {
                     return Err(fault("faces", "more triangles", &format!("at most {MOST_TRIANGLES}")));
                 }
             }
-            if element.name == "vertex" && ply.vertices.len() != element.rows {
+            if element.name == "vertex" && ply.mesh.vertices.len() != element.rows {
                 return Err(fault("element vertex", "no x, y or z", "properties x, y and z"));
             }
         }
@@ -91,22 +90,28 @@ impl PlyFile {
                     corners.push(if ends_strip { u32::MAX } else { value as u32 });
                 }
             }
+            let triangles = &mut self.mesh.triangles;
             match element.name.as_str() {
-                "face" => self.triangles.extend((2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]])),
-                "tristrips" => corners.split(|it| *it == u32::MAX).for_each(|it| self.triangles.extend(strip(it))),
+                "face" => triangles.extend(fan(&corners)),
+                "tristrips" => corners.split(|it| *it == u32::MAX).for_each(|it| triangles.extend(strip(it))),
                 _ => {}
             }
         }
         if element.name == "vertex" {
             if let [Some(x), Some(y), Some(z)] = place {
-                self.vertices.push([x, y, z]);
+                self.mesh.vertices.push(Point3::new(x, y, z));
             }
             if let [Some(x), Some(y), Some(z)] = normal {
-                self.normals.get_or_insert_default().push([x, y, z]);
+                self.normals.get_or_insert_default().push(Vector3::new(x, y, z));
             }
         }
         Ok(())
     }
+}
+
+/// The triangles of a polygon.
+pub(super) fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
+    (2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]])
 }
 
 /// The triangles of a strip, all facing one way.
@@ -183,7 +188,10 @@ mod tests {
     fn text_and_binary_are_the_same_square() {
         let text = HEADER.to_owned() + "0 0 0 9\n1 0 0 9\n1 1 0 9\n0 1 0.5 9\n4 0 1 2 3\n";
         let ply = PlyFile::from_bytes("a.ply", text.as_bytes()).unwrap();
-        assert_eq!((ply.vertices[3], &ply.triangles[..]), ([0.0, 1.0, 0.5], &[[0, 1, 2], [0, 2, 3]][..]));
+        assert_eq!(
+            (ply.mesh.vertices[3], &ply.mesh.triangles[..]),
+            (Point3::new(0.0, 1.0, 0.5), &[[0, 1, 2], [0, 2, 3]][..])
+        );
         for (encoding, big) in [("binary_little_endian", false), ("binary_big_endian", true)] {
             let mut bytes = HEADER.replace("ascii", encoding).into_bytes();
             let mut add = |mut number: Vec<u8>| {
@@ -192,10 +200,10 @@ mod tests {
                 }
                 bytes.extend(number);
             };
-            for [x, y, z] in &ply.vertices {
-                add((*x as f32).to_le_bytes().to_vec());
-                add((*y as f32).to_le_bytes().to_vec());
-                add(z.to_le_bytes().to_vec());
+            for p in &ply.mesh.vertices {
+                add((p.x as f32).to_le_bytes().to_vec());
+                add((p.y as f32).to_le_bytes().to_vec());
+                add(p.z.to_le_bytes().to_vec());
                 add(vec![9]);
             }
             add(vec![4]);
@@ -210,7 +218,11 @@ mod tests {
             let names = ["x", "y", "z"].map(|axis| format!("property float {prefix}{axis}\n")).concat();
             let text = HEADER.replace("property uchar red\n", &names).replace("vertex 4", "vertex 1");
             let ply = PlyFile::from_bytes("a.ply", (text + "7 8 9 0 0 1\n3 0 0 0\n").as_bytes()).unwrap();
-            assert_eq!((ply.vertices, ply.normals), (vec![[7.0, 8.0, 9.0]], Some(vec![[0.0, 0.0, 1.0]])), "{prefix}");
+            assert_eq!(
+                (ply.mesh.vertices, ply.normals),
+                (vec![Point3::new(7.0, 8.0, 9.0)], Some(vec![Vector3::z()])),
+                "{prefix}"
+            );
         }
     }
 
@@ -242,10 +254,10 @@ mod tests {
         let body = "0 0 0 9\n1 0 0 9\n1 1 0 9\n0 1 0.5 9\n";
         let text = HEADER.replace("a square", "before end_header") + body + "4 0 1 2 3\n";
         let ply = PlyFile::from_bytes("a.ply", text.as_bytes()).unwrap();
-        assert_eq!(ply.triangles, [[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(ply.mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
         let strips =
             HEADER.replace("face", "tristrips").replace("uchar int", "int int") + body + "8 0 1 3 2 -1 0 1 2\n";
         let ply = PlyFile::from_bytes("a.ply", strips.as_bytes()).unwrap();
-        assert_eq!(ply.triangles, [[0, 1, 3], [3, 1, 2], [0, 1, 2]]);
+        assert_eq!(ply.mesh.triangles, [[0, 1, 3], [3, 1, 2], [0, 1, 2]]);
     }
 }
