@@ -33,7 +33,6 @@ const HARMLESS: Harmless = &[
     ("nodes", "camera"),
     ("primitives", "material"),
     ("attributes", "NORMAL TANGENT TEXCOORD_0 TEXCOORD_1 TEXCOORD_2 TEXCOORD_3 COLOR_0 COLOR_1"),
-    ("targets", "NORMAL TANGENT TEXCOORD_0 TEXCOORD_1 COLOR_0"),
     ("accessors", "min max normalized"),
     ("bufferViews", "target"),
     ("extensions", "KHR_materials_variants KHR_lights_punctual MSFT_lod KHR_node_visibility"),
@@ -133,8 +132,8 @@ struct Reader<'a> {
     shown: HashSet<usize>,
     meshes: Vec<Node<'a>>,
     buffers: Buffers<'a>,
-    /// Primitives that were read, by mesh, primitive and weights of its morph targets.
-    known: HashMap<(usize, usize, Vec<u64>), TriangleMesh>,
+    /// Primitives that were read, by mesh and primitive.
+    known: HashMap<(usize, usize), TriangleMesh>,
     scene: Scene,
 }
 
@@ -200,16 +199,17 @@ impl<'a> Reader<'a> {
             }
         };
         let X_WN = X_WP * X_PN;
-        let weights = node.child("weights").map(weights_of).transpose()?;
         if let Some(number) = node.child("mesh").map(index).transpose()? {
             let missing = || fault(format!("mesh {number}"), "a mesh that is there");
             let mesh = *self.meshes.get(number).ok_or_else(missing)?;
             passed_over(mesh);
-            let own = mesh.child("weights").map(weights_of).transpose()?;
-            let weights = weights.or(own).unwrap_or_default();
             let primitives = mesh.child("primitives").into_iter().flat_map(Node::items);
             for (i, primitive) in primitives.enumerate() {
-                self.place((number, i), primitive, &weights, &X_WN)?;
+                if !self.known.contains_key(&(number, i)) {
+                    let surface = self.primitive(primitive)?;
+                    self.known.insert((number, i), surface);
+                }
+                self.scene.add(&self.known[&(number, i)], &X_WN, primitive)?;
             }
         }
         for child in node.child("children").into_iter().flat_map(Node::items) {
@@ -218,23 +218,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn place(
-        &mut self,
-        (mesh, number): (usize, usize),
-        primitive: Node<'a>,
-        weights: &[f64],
-        X_WN: &Matrix4<f64>,
-    ) -> Result<(), InputError> {
-        let key = (mesh, number, weights.iter().map(|it| it.to_bits()).collect());
-        if !self.known.contains_key(&key) {
-            let mesh = self.primitive(primitive, weights)?;
-            self.known.insert(key.clone(), mesh);
-        }
-        self.scene.add(&self.known[&key], X_WN, primitive)
-    }
-
-    /// The triangles of a primitive with the vertices that they have, moved by its morph targets.
-    fn primitive(&self, primitive: Node<'a>, weights: &[f64]) -> Result<TriangleMesh, InputError> {
+    /// The triangles of a primitive with the vertices that they have.
+    fn primitive(&self, primitive: Node<'a>) -> Result<TriangleMesh, InputError> {
         passed_over(primitive);
         let mode = primitive.child("mode").map(index).transpose()?.unwrap_or(4);
         let attributes = primitive.child("attributes");
@@ -247,16 +232,7 @@ impl<'a> Reader<'a> {
             primitive.leave_out();
             return Ok(TriangleMesh::default());
         };
-        let mut places = rows(&self.buffers, position, "VEC3")?;
-        for (i, target) in primitive.child("targets").into_iter().flat_map(Node::items).enumerate() {
-            let Some(moved) = target.child("POSITION") else { continue };
-            let weight = weights.get(i).copied().unwrap_or(0.0);
-            let moves = rows(&self.buffers, moved, "VEC3")?;
-            if moves.len() != places.len() {
-                return Err(moved.fault(format!("{} places", moves.len() / 3), "as many as vertices"));
-            }
-            places.iter_mut().zip(&moves).for_each(|(place, by)| *place += weight * by);
-        }
+        let places = rows(&self.buffers, position, "VEC3")?;
         let corners: Vec<u32> = match primitive.child("indices") {
             Some(indices) => rows(&self.buffers, indices, "SCALAR")?.into_iter().map(|it| it as u32).collect(),
             None => (0..(places.len() / 3) as u32).collect(),
@@ -294,31 +270,23 @@ fn passed_over(node: Node) {
     node.child("extensions");
 }
 
-fn weights_of(node: Node) -> Result<Vec<f64>, InputError> {
-    node.items().map(|it| it.number(NUMBER)).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// A triangle with corners at 0, x and y, a second position 1 above each, and a value for one corner.
+    /// A triangle with corners at 0, x and y, and normals.
     fn document(edit: impl Fn(&str) -> String) -> Result<TriangleMesh, InputError> {
         let mut bytes = Vec::new();
-        for value in
-            [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 5.0, 6.0, 7.0]
-        {
+        for value in [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0] {
             bytes.extend(value.to_le_bytes());
         }
-        bytes.extend([2u8, 0, 0, 0]);
         let text = format!(
             r#"{{"asset": {{"version": "2.0"}}, "scene": 0, "scenes": [{{"nodes": [0]}}], "nodes": [{{"mesh": 0}}],
             "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0, "NORMAL": 1}}}}]}}],
             "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "max": [1, 1, 1]}},
               {{"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC3"}}],
-            "bufferViews": [{{"buffer": 0, "byteLength": 36}}, {{"buffer": 0, "byteOffset": 36, "byteLength": 36}},
-              {{"buffer": 0, "byteOffset": 72, "byteLength": 12}}, {{"buffer": 0, "byteOffset": 84, "byteLength": 1}}],
-            "buffers": [{{"byteLength": 88, "uri": "data:;base64,{}"}}]}}"#,
+            "bufferViews": [{{"buffer": 0, "byteLength": 36}}, {{"buffer": 0, "byteOffset": 36, "byteLength": 36}}],
+            "buffers": [{{"byteLength": 72, "uri": "data:;base64,{}"}}]}}"#,
             BASE64_STANDARD.encode(bytes)
         );
         read("a.gltf", edit(&text).as_bytes(), &|_| unreachable!())
@@ -331,20 +299,17 @@ mod tests {
     }
 
     #[test]
-    fn all_that_moves_a_vertex_is_read() {
+    fn vertices_are_read_but_nothing_that_would_move_them() {
         let plain = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         assert_eq!(corners(str::to_owned), plain);
-        let sparse = r#""count": 3, "sparse": {"count": 1, "indices": {"bufferView": 3, "componentType": 5121}, "values": {"bufferView": 2}}, "#;
-        let sparsely = |it: &str| it.replacen("\"count\": 3, ", sparse, 1);
-        assert_eq!(corners(sparsely)[2], [5.0, 6.0, 7.0]);
-        let from_zeros = |it: &str| sparsely(it).replacen("\"bufferView\": 0, \"comp", "\"comp", 1);
-        assert_eq!(corners(from_zeros), [[0.0; 3], [0.0; 3], [5.0, 6.0, 7.0]]);
-        let target = r#""NORMAL": 1}, "targets": [{"POSITION": 1}]"#;
-        let morphed =
-            |it: &str| it.replacen("\"NORMAL\": 1}", target, 1).replacen("}]}],", "}], \"weights\": [0.5]}],", 1);
-        assert_eq!(corners(morphed)[1], [1.0, 0.0, 0.5]);
-        let by_node = |it: &str| morphed(it).replace("[{\"mesh\": 0}]", "[{\"mesh\": 0, \"weights\": [2]}]");
-        assert_eq!(corners(by_node)[1], [1.0, 0.0, 2.0]);
+        for (from, more) in [
+            ("\"NORMAL\": 1}", ", \"targets\": [{\"POSITION\": 1}]"),
+            ("\"count\": 3", ", \"sparse\": {\"count\": 1}"),
+            ("{\"mesh\": 0", ", \"weights\": [2]"),
+        ] {
+            let fault = document(|it| it.replacen(from, &format!("{from}{more}"), 1)).unwrap_err().to_string();
+            assert!(fault.contains(&more[2..9]) && fault.contains("which is not read"), "{fault}");
+        }
     }
 
     #[test]
