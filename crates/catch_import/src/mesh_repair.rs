@@ -6,11 +6,13 @@ mod edges;
 mod hole_filling;
 mod shells;
 
+use std::collections::HashMap;
+
 use nalgebra::{Point3, Vector3};
 
 use catch_body::{InputError, TriangleMesh};
 use edges::{Edges, Side};
-use shells::{crossing, drop_small, drop_specks, face_outwards};
+use shells::{drop_small, drop_specks, face_outwards, overlapping};
 
 /// Vertices this close are one, as fractions of the longest side; the first with which the surface is closed.
 const WELDING: [f64; 3] = [0.0, 1e-5, 2e-4];
@@ -47,7 +49,7 @@ pub fn repaired(
     told(&mut repairs, "triangles turned to face as their neighbours do", turned);
     let mut dropped = 0;
     if open > 0 {
-        dropped = drop_specks(&mut mesh, shell_of, SPECK * size_m);
+        dropped = drop_specks(&mut mesh, &shell_of, SPECK * size_m);
         let filled = hole_filling::fill(&mut mesh, largest_hole_m);
         if filled.holes > 0 {
             repairs.push(format!("holes filled: {}, the widest {:.1} mm", filled.holes, filled.widest_m * 1e3));
@@ -70,8 +72,12 @@ pub fn repaired(
     if within > 0 {
         shell_of = orient(&mut mesh.triangles).0;
     }
-    let crossing = crossing(&mesh, &shell_of);
-    told(&mut repairs, "shells that cross another one, whose common volume counts twice (unite them before)", crossing);
+    let overlapping = overlapping(&mesh, &shell_of);
+    told(
+        &mut repairs,
+        "shells whose boxes overlap: what two of them hold counts twice (unite them before)",
+        overlapping,
+    );
     mesh.drop_unused_vertices();
     let volume_m3 = mesh.volume();
     if volume_m3.is_finite() && volume_m3 > LEAST_FILLING * size_m.powi(3) {
@@ -95,7 +101,7 @@ fn in_mm(p: &Point3<f64>) -> String {
 /// Leaves out the shells of a surface whose volume is less than this fraction of the largest one's; how many.
 pub fn without_specks(mesh: &mut TriangleMesh, least_fraction: f64) -> usize {
     let (shell_of, _) = orient(&mut mesh.triangles);
-    let dropped = drop_small(mesh, shell_of, least_fraction);
+    let dropped = drop_small(mesh, &shell_of, least_fraction);
     mesh.drop_unused_vertices();
     dropped
 }
@@ -178,40 +184,23 @@ fn places(points: &[Point3<f64>], tolerance_m: f64) -> (Vec<u32>, Vec<Point3<f64
 /// one.
 fn without_doubles(mut triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
     triangles.retain(|[a, b, c]| a != b && b != c && c != a);
-    // Corners in rising order, and whether an odd permutation leads there.
-    let key = |&[a, b, c]: &[u32; 3]| {
-        let mut sorted = [a, b, c];
-        sorted.sort_unstable();
-        let at = sorted.iter().position(|it| *it == a).unwrap_or(0);
-        (sorted, sorted[(at + 1) % 3] != b)
-    };
-    let mut order: Vec<([u32; 3], bool, u32)> = triangles
-        .iter()
-        .zip(0..)
-        .map(|(it, i)| {
-            let (sorted, odd) = key(it);
-            (sorted, odd, i)
-        })
-        .collect();
-    order.sort_unstable();
-    let (mut keep, mut pairs) = (vec![false; triangles.len()], 0);
-    for alike in order.chunk_by(|a, b| a.0 == b.0) {
-        let odd = alike.iter().filter(|it| it.1).count();
-        let majority = 2 * odd > alike.len();
-        if 2 * odd == alike.len() {
-            pairs += alike.len();
-        } else if let Some((_, _, i)) = alike.iter().find(|it| it.1 == majority) {
-            keep[*i as usize] = true;
-        }
+    // For each three corners how many triangles have them in each of both directions, and the first of these.
+    let mut sheets: HashMap<[u32; 3], [(u32, usize); 2]> = HashMap::new();
+    for (i, triangle) in triangles.iter().enumerate() {
+        let mut corners = *triangle;
+        corners.sort_unstable();
+        let at = triangle.iter().position(|it| *it == corners[0]).unwrap_or(0);
+        let direction = usize::from(triangle[(at + 1) % 3] != corners[1]);
+        let (count, first) = &mut sheets.entry(corners).or_default()[direction];
+        *first = if *count == 0 { i } else { *first };
+        *count += 1;
     }
-    if pairs == triangles.len() {
-        for alike in order.chunk_by(|a, b| a.0 == b.0) {
-            keep[alike[0].2 as usize] = true;
-        }
-    }
-    let mut kept = keep.into_iter();
-    triangles.retain(|_| kept.next().unwrap_or(false));
-    triangles
+    let is_balanced = |[one, other]: &[(u32, usize); 2]| one.0 == other.0;
+    let is_double = sheets.values().all(is_balanced);
+    let kept = sheets.values().filter(|it| is_double || !is_balanced(it));
+    let mut kept: Vec<usize> = kept.map(|[one, other]| if one.0 >= other.0 { one.1 } else { other.1 }).collect();
+    kept.sort_unstable();
+    kept.into_iter().map(|i| triangles[i]).collect()
 }
 
 /// Edges along which more triangles run in one direction than in the other.
@@ -363,7 +352,7 @@ mod tests {
             apart.merge(&cube(0.05).translated(&Vector3::from(to)));
             let (mesh, repairs) = repaired(&apart).unwrap();
             assert_eq!((mesh.triangles.len(), repairs.len()), (24, crossing), "{to:?}");
-            let said = "shells that cross another one, whose common volume counts twice (unite them before): 2";
+            let said = "shells whose boxes overlap: what two of them hold counts twice (unite them before): 2";
             assert!(repairs.iter().all(|it| it == said), "{repairs:?}");
         }
     }

@@ -137,5 +137,5 @@ fn what_is_not_read_of_a_thing_is_refused_or_told() {
     }
     let folder = tempfile::tempdir().unwrap();
     let said = import("object", "64-sdf-mixed-ellipsoid/thing.sdf", folder.path()).unwrap();
-    assert!(said.contains("shells that cross another one"), "{said}");
+    assert!(said.contains("shells whose boxes overlap"), "{said}");
 }

@@ -11,33 +11,31 @@ use catch_body::TriangleMesh;
 const MOST_SHELLS: usize = 256;
 /// Number of a shell's triangles that are tested for whether the shell is within another one.
 const TRIED: usize = 32;
-/// Pairs of a triangle and a place that are looked at for each two shells.
-const MOST_PAIRS: usize = 300_000;
-/// Number of such pairs for all shells that may be within another one.
+/// Pairs of a triangle and a place that are looked at for all shells that may be within another one.
 const MOST_WORK: usize = 400_000_000;
 
 /// Leaves out shells that are open and smaller than `size_m`; how many.
-pub(super) fn drop_specks(mesh: &mut TriangleMesh, shell_of: Vec<u32>, size_m: f64) -> usize {
+pub(super) fn drop_specks(mesh: &mut TriangleMesh, shell_of: &[u32], size_m: f64) -> usize {
     let edges = Edges::of(&mesh.triangles);
     let mut specks: HashSet<u32> =
         edges.groups().filter(|it| it.len() == 1).map(|it| shell_of[it[0].2 as usize / 3]).collect();
-    let shells = Shell::all(mesh, &shell_of);
+    let shells = Shell::all(mesh, shell_of);
     specks.retain(|it| (shells[*it as usize].high - shells[*it as usize].low).max() < size_m);
     leave_out(mesh, shell_of, &specks)
 }
 
 /// Leaves out shells with less volume than this fraction of the largest one's; how many.
-pub(super) fn drop_small(mesh: &mut TriangleMesh, shell_of: Vec<u32>, least_fraction: f64) -> usize {
-    let shells = Shell::all(mesh, &shell_of);
+pub(super) fn drop_small(mesh: &mut TriangleMesh, shell_of: &[u32], least_fraction: f64) -> usize {
+    let shells = Shell::all(mesh, shell_of);
     let most_m3 = shells.iter().map(|it| it.volume_m3.abs()).fold(0.0, f64::max);
     let is_small = |it: &(u32, &Shell)| it.1.volume_m3.abs() < least_fraction * most_m3;
     let small = (0..).zip(&shells).filter(is_small).map(|it| it.0).collect();
     leave_out(mesh, shell_of, &small)
 }
 
-fn leave_out(mesh: &mut TriangleMesh, shell_of: Vec<u32>, shells: &HashSet<u32>) -> usize {
-    let mut numbers = shell_of.into_iter();
-    mesh.triangles.retain(|_| numbers.next().is_none_or(|shell| !shells.contains(&shell)));
+fn leave_out(mesh: &mut TriangleMesh, shell_of: &[u32], shells: &HashSet<u32>) -> usize {
+    let mut numbers = shell_of.iter();
+    mesh.triangles.retain(|_| numbers.next().is_none_or(|shell| !shells.contains(shell)));
     shells.len()
 }
 
@@ -54,7 +52,7 @@ pub(super) fn face_outwards(mesh: &mut TriangleMesh, shell_of: &[u32]) -> (usize
     if !(2..=MOST_SHELLS).contains(&count) {
         return (turned, 0);
     }
-    let (mut turn, mut drop) = (vec![false; count], vec![false; count]);
+    let (mut turn, mut drop) = (vec![false; count], HashSet::new());
     let tried = (MOST_WORK / (count * mesh.triangles.len())).clamp(1, TRIED);
     for (number, own) in shells.iter().enumerate() {
         let around: Vec<bool> = (0..count).map(|it| it != number && shells[it].may_hold(own)).collect();
@@ -67,74 +65,25 @@ pub(super) fn face_outwards(mesh: &mut TriangleMesh, shell_of: &[u32]) -> (usize
         let mut tested = own.triangles.iter().step_by(own.triangles.len().div_ceil(tried));
         let is_within = tested.all(|[a, b, c]| turns(&Point3::from((a.coords + b.coords + c.coords) / 3.0)) > 0.5);
         turn[number] = own.volume_m3 < 0.0 && !is_within;
-        drop[number] = own.volume_m3 >= 0.0 && is_within;
+        if own.volume_m3 >= 0.0 && is_within {
+            drop.insert(number as u32);
+        }
     }
     for (triangle, shell) in mesh.triangles.iter_mut().zip(shell_of) {
         if turn[*shell as usize] {
             triangle.swap(1, 2);
         }
     }
-    let mut numbers = shell_of.iter();
-    mesh.triangles.retain(|_| numbers.next().is_none_or(|shell| !drop[*shell as usize]));
-    (turned + turn.iter().filter(|it| **it).count(), drop.iter().filter(|it| **it).count())
+    (turned + turn.iter().filter(|it| **it).count(), leave_out(mesh, shell_of, &drop))
 }
 
-/// Number of shells that cross another one, so that they have a volume in common which counts twice.
-pub(super) fn crossing(mesh: &TriangleMesh, shell_of: &[u32]) -> usize {
+/// Number of solid shells whose boxes overlap: what two of them hold counts twice.
+pub(super) fn overlapping(mesh: &TriangleMesh, shell_of: &[u32]) -> usize {
     let shells = Shell::all(mesh, shell_of);
-    let count = shells.len();
-    if !(2..=MOST_SHELLS).contains(&count) {
-        return 0;
-    }
-    let mut crosses = vec![false; count];
-    for one in 0..count {
-        for other in one + 1..count {
-            // Cavities are within another shell, and what was left out has no triangle.
-            let are_solid = shells[one].volume_m3 > 0.0 && shells[other].volume_m3 > 0.0;
-            if are_solid && shells[one].meets(&shells[other]) {
-                let pairs = [(one, other), (other, one)];
-                if pairs.iter().any(|&(a, b)| enters(&shells[a].triangles, &shells[b])) {
-                    (crosses[one], crosses[other]) = (true, true);
-                }
-            }
-        }
-    }
-    crosses.iter().filter(|it| **it).count()
-}
-
-/// Returns whether a surface enters a closed one: a triangle's middle is inside, or an edge goes through a
-/// triangle.
-fn enters(surface: &[[Point3<f64>; 3]], of_closed: &Shell) -> bool {
-    let closed = &of_closed.triangles;
-    let is_near = |it: &&[Point3<f64>; 3]| {
-        let mut own = Shell::default();
-        own.add(**it);
-        own.meets(of_closed)
-    };
-    let near: Vec<&[Point3<f64>; 3]> = surface.iter().filter(is_near).collect();
-    let tried = (MOST_PAIRS / closed.len().max(1)).max(1);
-    let sampled = || near.iter().step_by(near.len().div_ceil(tried).max(1));
-    sampled().any(|corners| {
-        // A little inside of its own shell, as faces of two shells may lie on each other.
-        let [a, b, c] = corners;
-        let inwards = (c - a).cross(&(b - a)).try_normalize(0.0).unwrap_or_default();
-        let middle = Point3::from((a.coords + b.coords + c.coords) / 3.0) + inwards * (1e-6 * (b - a).norm());
-        let inside = closed.iter().map(|it| solid_angle(&middle, it)).sum::<f64>() / (4.0 * PI);
-        let edges = [[0, 1], [1, 2], [2, 0]];
-        inside > 0.75 || edges.iter().any(|&[i, j]| closed.iter().any(|it| pierces([corners[i], corners[j]], it)))
-    })
-}
-
-/// Returns whether a segment goes through the inside of a triangle.
-fn pierces([p, q]: [Point3<f64>; 2], [a, b, c]: &[Point3<f64>; 3]) -> bool {
-    let volume =
-        |a: &Point3<f64>, b: &Point3<f64>, c: &Point3<f64>, d: &Point3<f64>| (a - d).dot(&(b - d).cross(&(c - d)));
-    let least = 1e-9 * (q - p).norm() * (b - a).norm() * (c - a).norm();
-    let ends = [volume(a, b, c, &p), volume(a, b, c, &q)];
-    let sides = [volume(a, b, &p, &q), volume(b, c, &p, &q), volume(c, a, &p, &q)];
-    ends[0] * ends[1] < 0.0
-        && ends.iter().all(|it| it.abs() > least)
-        && (sides.iter().all(|it| *it > least) || sides.iter().all(|it| *it < -least))
+    // Cavities are within another shell, and what was left out has no triangle.
+    let solid: Vec<&Shell> = shells.iter().filter(|it| it.volume_m3 > 0.0).take(MOST_SHELLS).collect();
+    let overlaps = |i: &usize| (0..solid.len()).any(|j| j != *i && solid[*i].overlaps(solid[j]));
+    (0..solid.len()).filter(overlaps).count()
 }
 
 /// Triangles, bounding box and volume of a shell.
@@ -173,9 +122,10 @@ impl Shell {
         self.volume_m3 += a.dot(&b.cross(&c)) / 6.0;
     }
 
-    /// Returns whether the boxes around this shell and another one have a place in common.
-    fn meets(&self, other: &Self) -> bool {
-        self.low <= other.high && other.low <= self.high
+    /// Returns whether the boxes around this shell and another one have more than a face in common.
+    fn overlaps(&self, other: &Self) -> bool {
+        let margin = (self.high - self.low) * 1e-6;
+        self.low + margin < other.high && other.low + margin < self.high
     }
 
     /// Returns whether the box around this shell holds the one around another.
