@@ -27,10 +27,6 @@ const OPTICAL: &str = "optical_frame";
 /// Names that do not concern a camera's geometry.
 const HARMLESS: Harmless = &[
     ("", "camera_name distortion_model"),
-    ("camera_matrix", SHAPE),
-    ("distortion_coefficients", SHAPE),
-    ("rectification_matrix", SHAPE),
-    ("projection_matrix", SHAPE),
     ("roi", "do_rectify"),
     ("header", "seq stamp"),
     (
@@ -38,8 +34,8 @@ const HARMLESS: Harmless = &[
         "name namespace freehand_robot_movement move_group move_group_namespace robot_effector_frame \
          tracking_marker_frame",
     ),
+    ("*", "rows cols"),
 ];
-const SHAPE: &str = "rows cols";
 /// Numbers of matrices.
 const NUMBER: Quantity = Quantity { least: -1e9, most: 1e9, unit: "" };
 

@@ -19,8 +19,11 @@ use crate::{
 };
 
 /// Names that do not concern a joint's limits.
-const HARMLESS: Harmless =
-    &[("", "default_velocity_scaling_factor default_acceleration_scaling_factor cartesian_limits")];
+const HARMLESS: Harmless = &[
+    ("", "default_velocity_scaling_factor default_acceleration_scaling_factor cartesian_limits"),
+    // Gains of the controller that keeps soft limits.
+    ("*", "k_position k_velocity"),
+];
 
 /// Limits by the names of their joints, wherever in the document `joint_limits` stands.
 ///
@@ -70,10 +73,6 @@ fn of_joint(joint: Node) -> Result<StatedLimits, InputError> {
     let soft = [number(has_soft, "soft_lower_limit", range)?, number(has_soft, "soft_upper_limit", range)?];
     if has("angle_wraparound")? && value("angle_wraparound").is_some() && (lower.is_some() || upper.is_some()) {
         return Err(joint.fault("angle_wraparound beside limits of the position", "one of both"));
-    }
-    if has_soft {
-        // Gains of the controller that keeps them.
-        let (_, _) = (value("k_position"), value("k_velocity"));
     }
     let acceleration =
         number(has("has_acceleration_limits")?, "max_acceleration", quantity::JOINT_ACCELERATION_RADPS2)?;

@@ -41,16 +41,12 @@ const HARMLESS: Harmless = &[
     ("instance_geometry", "bind_material"),
     ("mesh", "lines linestrips"),
     ("source", "technique Name_array bool_array IDREF_array"),
-    ("float_array", "@count @digits @magnitude"),
-    ("accessor", "@count @source"),
-    ("triangles", POLYGONS),
-    ("polylist", POLYGONS),
-    ("polygons", POLYGONS),
-    ("tristrips", POLYGONS),
-    ("trifans", POLYGONS),
-    ("*", "extra asset @id @sid @name @xsi:schemaLocation"),
+    ("float_array", "@digits @magnitude"),
+    ("accessor", "@source"),
+    ("param", "@type"),
+    ("input", "@semantic @source @set"),
+    ("*", "extra asset @id @sid @name @count @material @xsi:schemaLocation"),
 ];
-const POLYGONS: &str = "@count @material";
 
 /// Vertices in metres and triangles of all geometries of a file.
 pub(super) fn read(file: &str, bytes: &[u8]) -> Result<TriangleMesh, InputError> {
@@ -150,12 +146,8 @@ impl<'a> Reader<'a> {
         let mut surface = TriangleMesh::default();
         let mut positions = HashMap::new();
         for mesh in geometry.children("mesh") {
-            for vertices in mesh.children("vertices") {
-                // Vertices are found by their id where they are used.
-                for input in vertices.children("input") {
-                    let (_, _) = (input.attribute("semantic"), input.attribute("source"));
-                }
-            }
+            // Vertices are found by their id where they are used.
+            mesh.children("vertices").flat_map(|it| it.children("input")).for_each(drop);
             let mut read = 0;
             for kind in ["triangles", "polylist", "polygons", "tristrips", "trifans"] {
                 for primitive in mesh.children(kind) {
@@ -239,7 +231,6 @@ impl<'a> Reader<'a> {
 
 /// An input of a primitive, its semantic, and its offset among the numbers of a corner.
 fn input_of(node: Node<'_>) -> (Node<'_>, &str, usize) {
-    let (_, _) = (node.attribute("set"), node.attribute("source"));
     let offset = node.attribute("offset").and_then(|it| it.parse().ok()).unwrap_or(0);
     (node, node.attribute("semantic").unwrap_or_default(), offset)
 }
@@ -254,7 +245,7 @@ fn read_positions(source: Node) -> Result<Vec<Point3<f64>>, InputError> {
     let axes: Vec<&str> = accessor
         .into_iter()
         .flat_map(|it| it.children("param"))
-        .map(|it| (it.attribute("name"), it.attribute("type")).0.unwrap_or_default())
+        .map(|it| it.attribute("name").unwrap_or_default())
         .collect();
     if stride < 3 || !(axes.is_empty() || axes.iter().take(3).copied().eq(["X", "Y", "Z"])) {
         return Err(source.fault(format!("places {} with a stride of {stride}", axes.join(", ")), "X, Y, Z"));

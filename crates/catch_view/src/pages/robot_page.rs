@@ -2,7 +2,6 @@
 //! joint.
 
 use catch_body::{Robot, TriangleMesh, robot::Joint, shape::Capsule};
-use serde::Serialize;
 use serde_json::json;
 
 use super::{
@@ -18,16 +17,6 @@ const SCRIPT: &str = include_str!("robot_page/robot.js");
 /// Flat strips around a capsule.
 const SEGMENTS: u32 = 24;
 
-/// Kind of a surface.
-#[derive(Debug, Clone, Copy, Serialize)]
-#[serde(rename_all = "snake_case")]
-enum Kind {
-    /// A shape of the description.
-    Mesh,
-    /// A capsule around one.
-    Capsule,
-}
-
 /// A link's surface in its frame, and the capsules around it.
 pub type LinkShape<'a> = (&'a TriangleMesh, &'a [Capsule]);
 
@@ -40,8 +29,8 @@ pub fn page<'a>(
 ) -> String {
     let mut surfaces = Vec::new();
     for (link, (surface, capsules)) in shapes.into_iter().enumerate() {
-        let capsules = capsules.iter().map(|it| (Kind::Capsule, TriangleMesh::capsule(it, SEGMENTS)));
-        let mesh = Some((Kind::Mesh, thinned(surface))).filter(|(_, it)| !it.triangles.is_empty());
+        let capsules = capsules.iter().map(|it| ("capsule", TriangleMesh::capsule(it, SEGMENTS)));
+        let mesh = Some(("mesh", thinned(surface))).filter(|(_, it)| !it.triangles.is_empty());
         surfaces.extend(mesh.into_iter().chain(capsules).map(|(kind, mesh)| packed_surface(kind, link, &mesh, None)));
     }
     let joint = |joint: &Joint| {
