@@ -143,7 +143,7 @@ fn register_cloud(
 }
 
 /// Points as a scene. No direction is noisier than the others: all of the noise is the model's.
-fn scene<'a>(points: impl Iterator<Item = &'a Point3<f64>>) -> SceneCloud {
+pub fn scene<'a>(points: impl Iterator<Item = &'a Point3<f64>>) -> SceneCloud {
     let mut scene = SceneCloud::default();
     let seen = |p_W: &Point3<f64>| ScenePoint {
         p_W: *p_W,

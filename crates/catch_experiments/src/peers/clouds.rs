@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use catch_body::Pose;
-use catch_bot::perception::{Config, ReferenceModel, Registration, SceneCloud, point_cloud::ScenePoint};
+use catch_bot::perception::{Config, ReferenceModel, Registration};
 use catch_import::{cloud_file::CloudFile, cloud_registration};
 use catch_lab::assets::Kind;
 use catch_sim::random_streams::{Draws, Stream};
@@ -62,15 +62,7 @@ fn case(scan: &CloudFile, reference: &ReferenceModel, error: (f64, f64), draws: 
     let cloud: Vec<Point3<f64>> = seen.into_iter().step_by(step).map(|p_R| X_CR * p_R + noise()).collect();
     let config = Config::default();
     let registration = Registration { model_sd_m: NOISE_M, ..Registration::new(reference, &config) };
-    let mut scene = SceneCloud::default();
-    let point = |p_W: &Point3<f64>| ScenePoint {
-        p_W: *p_W,
-        per_depth_W: Vector3::zeros(),
-        depth_sd_m: 0.0,
-        pixel_m: 0.0,
-        image: 0,
-    };
-    scene.points.extend(cloud.iter().map(point));
+    let mut scene = cloud_registration::scene(cloud.iter());
     let start = X_start * reference.X_RO;
     let (fit, time_s) = measured(|| registration.register(&mut scene, &start, false));
     Some(json!({
