@@ -13,7 +13,7 @@ use catch_cell::{
     CameraModel,
     sight::{DepthBuffer, Sight},
 };
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, Vector2, Vector3};
 use serde::Serialize;
 
 use crate::playback::{MotionSample, Playback};
@@ -188,20 +188,12 @@ impl<'a> CatchScene<'a> {
             let model = camera(&target, distance_m);
             let seen: Vec<_> =
                 points.iter().filter_map(|p_W| model.project(&model.X_WC.inverse_transform_point(p_W))).collect();
-            let range = |values: &dyn Fn(usize) -> f64| {
-                let all = || (0..seen.len()).map(values);
-                (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max))
-            };
-            let (left, right) = range(&|i| seen[i].x);
-            let (top, bottom) = range(&|i| seen[i].y);
-            let metres = distance_m / model.focal_px;
-            let offset_C = Vector3::new(
-                (f64::midpoint(left, right) - model.principal_px[0]) * metres,
-                (f64::midpoint(top, bottom) - model.principal_px[1]) * metres,
-                0.0,
-            );
-            target += model.X_WC.rotation * offset_C;
-            let fill = ((right - left) / f64::from(width_px)).max((bottom - top) / f64::from(height_px)) / FILL;
+            let low = seen.iter().fold(Vector2::repeat(f64::INFINITY), |low, uv| low.inf(&uv.coords));
+            let high = seen.iter().fold(Vector2::repeat(f64::NEG_INFINITY), |high, uv| high.sup(&uv.coords));
+            let (middle, size) = ((low + high) / 2.0, high - low);
+            let offset_C = (middle - Vector2::from(model.principal_px)) * (distance_m / model.focal_px);
+            target += model.X_WC.rotation * offset_C.push(0.0);
+            let fill = (size.x / f64::from(width_px)).max(size.y / f64::from(height_px)) / FILL;
             distance_m = (distance_m * fill).clamp(0.8, 20.0);
         }
         camera(&target, distance_m)

@@ -164,14 +164,11 @@ fn prediction(report: &Report) -> String {
                     and by the last prediction object by object: the dot is the median, the line from the 10th to the 90th \
                     percentile, the tick the largest.</p>\n"
         .to_owned();
-    let mut over_time: Vec<(String, Vec<f64>)> = LEADS_S
-        .iter()
-        .enumerate()
-        .map(|(i, lead_s)| {
-            let label = format!("{:.0} ms before, all", lead_s * 1e3);
-            (label, errors_mm(&|_| true, &|measures| measures.prediction_errors_m[i]))
-        })
-        .collect();
+    let mut over_time: Vec<(String, Vec<f64>)> = Vec::new();
+    for (i, lead_s) in LEADS_S.iter().enumerate() {
+        let label = format!("{:.0} ms before, all", lead_s * 1e3);
+        over_time.push((label, errors_mm(&|_| true, &|measures| measures.prediction_errors_m[i])));
+    }
     for cell in report.cells {
         let of_cell = |row: &Row| row.scene.object == cell.object && row.scene.throw == cell.throw;
         over_time.push((name_of(cell), errors_mm(&of_cell, &|measures| measures.prediction_error_m)));
