@@ -1,6 +1,6 @@
 //! Meshes that a description names, each read once, and all of them bounded together.
 
-use std::{collections::HashMap, path::Path, rc::Rc};
+use std::{collections::HashMap, path::Path};
 
 use catch_body::{InputError, TriangleMesh, mesh_file::MOST_TRIANGLES};
 use nalgebra::Point3;
@@ -18,7 +18,7 @@ type Groups = Result<Vec<TriangleMesh>, InputError>;
 pub struct MeshFiles<'a> {
     /// The description.
     file: &'a Path,
-    known: HashMap<String, Result<Rc<Vec<TriangleMesh>>, InputError>>,
+    known: HashMap<String, Groups>,
     triangles: usize,
 }
 
@@ -65,7 +65,7 @@ impl<'a> MeshFiles<'a> {
             return Ok(geometry.surface().into_iter().collect());
         };
         let known = self.known.entry(named.to_owned());
-        let mut groups = (*known.or_insert_with(|| read(self.file, named).map(Rc::new)).clone()?).clone();
+        let mut groups = known.or_insert_with(|| read(self.file, named)).clone()?;
         for vertex in groups.iter_mut().flat_map(|it| &mut it.vertices) {
             *vertex = geometry.X_LS * Point3::from(vertex.coords.component_mul(scale));
         }

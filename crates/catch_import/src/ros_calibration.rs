@@ -60,13 +60,9 @@ fn number(document: &Document, path: &[&'static str], range: Quantity) -> Result
 /// A frame's name has to be that of images.
 fn optical(frame: Option<Node>) -> Result<(), InputError> {
     let frame = frame.filter(|it| !it.text().trim_matches('/').is_empty());
-    match frame.filter(|it| !it.text().ends_with(OPTICAL)) {
-        None => Ok(()),
-        Some(other) => {
-            let expected = format!("the frame of the images, …_{OPTICAL}: z forward, x to the right (REP 103)");
-            Err(other.fault(other.text(), expected))
-        }
-    }
+    let Some(other) = frame.filter(|it| !it.text().ends_with(OPTICAL)) else { return Ok(()) };
+    let expected = format!("the frame of the images, …_{OPTICAL}: z forward, x to the right (REP 103)");
+    Err(other.fault(other.text(), expected))
 }
 
 /// Reads a file of one of both kinds.
@@ -232,17 +228,13 @@ pub fn hand_eye(file: &str, text: &str, base_link: &str) -> Result<Pose, InputEr
     }
     optical(parameter("tracking_base_frame")?)?;
     // `easy_handeye` writes all seven numbers in one mapping.
-    let is_first = value(&document, &["transformation"])?.is_some();
-    let (place, turn) = if is_first {
-        (vec!["transformation"], ["qx", "qy", "qz", "qw"])
-    } else {
-        (vec!["transform", "translation"], ["x", "y", "z", "w"])
+    let (place, rotated, turn) = match value(&document, &["transformation"])? {
+        Some(_) => (&["transformation"][..], &["transformation"][..], ["qx", "qy", "qz", "qw"]),
+        None => (&["transform", "translation"][..], &["transform", "rotation"][..], ["x", "y", "z", "w"]),
     };
-    let rotated = if is_first { vec!["transformation"] } else { vec!["transform", "rotation"] };
     let of = |path: &[&'static str], key, range| number(&document, &[path, &[key]].concat(), range);
-    let p = ["x", "y", "z"].map(|key| of(&place, key, quantity::PLACE_M));
-    let [x, y, z, w] = turn.map(|key| of(&rotated, key, quantity::QUATERNION));
-    let [px, py, pz] = p;
+    let [px, py, pz] = ["x", "y", "z"].map(|key| of(place, key, quantity::PLACE_M));
+    let [x, y, z, w] = turn.map(|key| of(rotated, key, quantity::QUATERNION));
     let p = Translation3::new(px?, py?, pz?);
     let rotation = Quaternion::new(w?, x?, y?, z?);
     document.finish(&[HARMLESS])?;
