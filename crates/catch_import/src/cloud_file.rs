@@ -14,7 +14,7 @@ use catch_recording::bounded_file::FileKind;
 
 use crate::{
     row_numbers::{Encoding, Number, Numbers, split_header},
-    surface_file::PlyFile,
+    surface_file::{Element, PlyFile, Property},
 };
 
 /// Points and, where the file has them, the surface's outward normals there.
@@ -130,7 +130,7 @@ impl CloudFile {
     }
 }
 
-/// The vertices of a PLY file.
+/// The points of a file with rows of them.
 fn of_ply(file: &str, ply: &PlyFile) -> Result<CloudFile, InputError> {
     let mut cloud = CloudFile { points: Vec::new(), normals: ply.normals.as_ref().map(|_| Vec::new()) };
     for (i, place) in ply.mesh.vertices.iter().enumerate() {
@@ -155,7 +155,7 @@ fn parse_pcd(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
         let line = lines.iter().find(|line| line.split_whitespace().next() == Some(key));
         line.map(|line| line.split_whitespace().skip(1).collect()).unwrap_or_default()
     };
-    let columns = pcd_columns(file, entry)?;
+    let properties = pcd_columns(file, entry)?;
     let points = entry("POINTS");
     let number = |key| entry(key).first().and_then(|count| count.parse::<usize>().ok());
     let rows = number("POINTS");
@@ -173,19 +173,22 @@ fn parse_pcd(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
             return Err(fault("DATA", &found, "ascii or binary, not compressed"));
         }
     };
-    points_in_columns(Numbers { file, encoding, bytes, at }, &columns, rows)
+    let (mut points, mut numbers) = (PlyFile::default(), Numbers { file, encoding, bytes, at });
+    points.add(&Element { name: "points".to_owned(), rows, properties }, &mut numbers)?;
+    numbers.finish()?;
+    of_ply(file, &points)
 }
 
 /// Columns of a PCD file, as the entries of its header say.
-fn pcd_columns<'a>(file: &str, entry: impl Fn(&str) -> Vec<&'a str>) -> Result<Vec<(&'a str, Number)>, InputError> {
+fn pcd_columns<'a>(file: &str, entry: impl Fn(&str) -> Vec<&'a str>) -> Result<Vec<Property>, InputError> {
     let fault = |field: &str, found: &str, expected: &str| InputError::new(file, field, found, expected);
     let (names, sizes, kinds, counts) = (entry("FIELDS"), entry("SIZE"), entry("TYPE"), entry("COUNT"));
     if names.len() != sizes.len() || names.len() != kinds.len() {
         return Err(fault("FIELDS, SIZE, TYPE", "different lengths", "one entry each per column"));
     }
-    let mut columns: Vec<(&str, Number)> = Vec::new();
+    let mut columns: Vec<Property> = Vec::new();
     for (i, name) in names.iter().enumerate() {
-        let kind = match (kinds[i], sizes[i]) {
+        let of = match (kinds[i], sizes[i]) {
             ("F", "4") => Number::F32,
             ("F", "8") => Number::F64,
             ("I", "1") => Number::I8,
@@ -207,34 +210,12 @@ fn pcd_columns<'a>(file: &str, entry: impl Fn(&str) -> Vec<&'a str>) -> Result<V
             .ok()
             .filter(|count| (1..=MOST_COUNT).contains(count))
             .ok_or_else(|| fault("COUNT", count, &format!("1 to {MOST_COUNT}")))?;
-        columns.extend(std::iter::repeat_n((*name, kind), count));
+        columns.extend((0..count).map(|_| Property { name: (*name).to_owned(), length: None, of }));
     }
     if !counts.is_empty() && counts.len() != names.len() {
         return Err(fault("COUNT", &format!("{} entries", counts.len()), "one entry per column"));
     }
     Ok(columns)
-}
-
-/// The points of a table; columns are known by their names.
-fn points_in_columns(mut numbers: Numbers, columns: &[(&str, Number)], rows: usize) -> Result<CloudFile, InputError> {
-    let column = |name: &str| columns.iter().position(|it| it.0 == name);
-    let [Some(x), Some(y), Some(z)] = ["x", "y", "z"].map(column) else {
-        return Err(InputError::new(numbers.file, "header", "no x, y or z", "columns x, y and z in metres"));
-    };
-    let normal = ["x", "y", "z"].map(|axis| column(&format!("n{axis}")).or_else(|| column(&format!("normal_{axis}"))));
-    let normal = if let [Some(x), Some(y), Some(z)] = normal { Some([x, y, z]) } else { None };
-    let mut cloud = CloudFile { points: Vec::new(), normals: normal.map(|_| Vec::new()) };
-    let mut values = vec![0.0; columns.len()];
-    for row in 0..rows {
-        for (value, (_, kind)) in values.iter_mut().zip(columns) {
-            *value = numbers.next(*kind).ok_or_else(|| numbers.missing("points", row, rows))?;
-        }
-        let normal = normal.map(|of| of.map(|i| values[i]).into());
-        let place = [x, y, z].map(|i| values[i]).into();
-        cloud.add(place, normal).map_err(|found| no_place(numbers.file, row, found))?;
-    }
-    numbers.finish()?;
-    Ok(cloud)
 }
 
 /// Lines of x y z, or of what the first line names. Behind them may be unit normals; what else follows, such

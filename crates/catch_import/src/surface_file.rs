@@ -19,6 +19,7 @@ use crate::mesh_paths::resolve;
 use catch_recording::bounded_file::FileKind;
 
 pub use ply::PlyFile;
+pub(crate) use ply::{Element, Property};
 
 /// Files with surfaces.
 pub(crate) const MESH: FileKind = FileKind::geometry("a mesh: .obj, .stl, .ply, .dae, .gltf or .glb");

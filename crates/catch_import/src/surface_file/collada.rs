@@ -59,15 +59,8 @@ pub(super) fn read(file: &str, bytes: &[u8]) -> Result<TriangleMesh, InputError>
     }
     let by_id = root.descendants().filter_map(|node| Some((node.attribute("id")?, node))).collect();
     let mut reader = Reader { by_id, known: HashMap::new(), scene: Scene::default() };
-    let metres = root.child("asset").and_then(|it| it.child("unit"));
-    let metres = metres.and_then(|it| Some((it, it.attribute("meter")?.parse::<f64>())));
-    let metres = match metres {
-        Some((unit, metres)) => {
-            let right = metres.ok().filter(|it| METRES.contains(*it));
-            right.ok_or_else(|| unit.fault("another meter=\"…\"", METRES))?
-        }
-        None => 1.0,
-    };
+    let unit = root.child("asset").and_then(|it| it.child("unit")).filter(|it| it.has("meter"));
+    let metres = unit.map_or(Ok(1.0), |it| it.number_of("meter", METRES))?;
     let libraries: Vec<Node> = root.children("library_visual_scenes").collect();
     let scenes: Vec<Node> = libraries.iter().flat_map(|it| it.children("visual_scene")).collect();
     let shown = root.child("scene").and_then(|it| it.child("instance_visual_scene"));

@@ -10,7 +10,7 @@ const MOST_ROWS: usize = 20_000_000;
 /// Elements with no surface in them, which are passed over.
 const HARMLESS: [&str; 4] = ["edge", "camera", "material", "range_grid"];
 
-/// Contents of a PLY file.
+/// Contents of a PLY file, or of another with points in rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PlyFile {
     /// Places in the unit of the file, and the triangles between them; polygons are cut into fans.
@@ -19,17 +19,19 @@ pub struct PlyFile {
     pub normals: Option<Vec<Vector3<f64>>>,
 }
 
-struct Property {
-    name: String,
+/// A number in each row of an element, or a list.
+pub(crate) struct Property {
+    pub name: String,
     /// The type of a list's length, if it is one.
-    length: Option<Number>,
-    of: Number,
+    pub length: Option<Number>,
+    pub of: Number,
 }
 
-struct Element {
-    name: String,
-    rows: usize,
-    properties: Vec<Property>,
+/// Rows of one kind: `vertex` and `points` have places, `face` and `tristrips` triangles.
+pub(crate) struct Element {
+    pub name: String,
+    pub rows: usize,
+    pub properties: Vec<Property>,
 }
 
 impl PlyFile {
@@ -45,18 +47,30 @@ impl PlyFile {
         let mut numbers = Numbers { file, encoding, bytes, at };
         let mut ply = Self::default();
         for element in &elements {
-            for row in 0..element.rows {
-                ply.row(element, &mut numbers, row)?;
-                if ply.mesh.triangles.len() > MOST_TRIANGLES {
-                    return Err(fault("faces", "more triangles", &format!("at most {MOST_TRIANGLES}")));
-                }
-            }
-            if element.name == "vertex" && ply.mesh.vertices.len() != element.rows {
-                return Err(fault("element vertex", "no x, y or z", "properties x, y and z"));
-            }
+            ply.add(element, &mut numbers)?;
         }
         numbers.finish()?;
         Ok(ply)
+    }
+
+    /// Reads the rows of an element.
+    ///
+    /// # Errors
+    /// A number that is missing or none, too many triangles, or places without x, y and z.
+    pub(crate) fn add(&mut self, element: &Element, numbers: &mut Numbers) -> Result<(), InputError> {
+        let has = |axis: &str| element.properties.iter().any(|it| it.length.is_none() && it.name == axis);
+        if has_places(element) && element.rows > 0 && !["x", "y", "z"].into_iter().all(has) {
+            let field = format!("element {}", element.name);
+            return Err(InputError::new(numbers.file, field, "no x, y or z", "properties x, y and z"));
+        }
+        for row in 0..element.rows {
+            self.row(element, numbers, row)?;
+            if self.mesh.triangles.len() > MOST_TRIANGLES {
+                let expected = format!("at most {MOST_TRIANGLES}");
+                return Err(InputError::new(numbers.file, "faces", "more triangles", expected));
+            }
+        }
+        Ok(())
     }
 
     /// Reads one row of an element.
@@ -97,7 +111,7 @@ impl PlyFile {
                 _ => {}
             }
         }
-        if element.name == "vertex" {
+        if has_places(element) {
             if let [Some(x), Some(y), Some(z)] = place {
                 self.mesh.vertices.push(Point3::new(x, y, z));
             }
@@ -107,6 +121,10 @@ impl PlyFile {
         }
         Ok(())
     }
+}
+
+fn has_places(element: &Element) -> bool {
+    matches!(element.name.as_str(), "vertex" | "points")
 }
 
 /// The triangles of a polygon.
