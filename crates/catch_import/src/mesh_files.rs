@@ -11,6 +11,9 @@ use crate::{
     surface_file::{self, MESH},
 };
 
+/// Shapes at a time at most.
+const MOST_SHAPES: usize = 500;
+
 /// The groups of a mesh file.
 type Groups = Result<Vec<TriangleMesh>, InputError>;
 
@@ -27,35 +30,37 @@ impl<'a> MeshFiles<'a> {
         Self { file, known: HashMap::new(), triangles: 0 }
     }
 
-    /// Reads shapes of the description in their link's frame, the groups of a mesh file apart; those
+    /// Reads shapes of the description in the frame of their link, the groups of a mesh file apart; those
     /// that cannot be read, or have a `fault`, are faults.
     ///
     /// # Errors
-    /// If the triangles are too many together with those before.
+    /// If the shapes are too many, or the triangles together with those before.
     pub fn placed(
         &mut self,
+        link: &str,
         shapes: &[Geometry],
         fault: impl Fn(&Geometry, &[TriangleMesh]) -> Option<InputError>,
     ) -> Result<(Vec<TriangleMesh>, Vec<InputError>), InputError> {
+        let file = self.file.display();
+        let too_many = |found: &str, most: usize| {
+            let expected = format!("at most {most} in all shapes, each instance counted");
+            Err(InputError::new(&file, format!("link {link}"), found, expected))
+        };
+        if shapes.len() > MOST_SHAPES {
+            return too_many("more shapes", MOST_SHAPES);
+        }
         let (mut all, mut faults) = (Vec::new(), Vec::new());
         for shape in shapes {
-            let groups = match self.groups(shape) {
-                Ok(groups) => groups,
-                Err(fault) => {
-                    faults.push(fault);
-                    continue;
+            match self.groups(shape).and_then(|groups| fault(shape, &groups).map_or(Ok(groups), Err)) {
+                Ok(groups) => {
+                    self.triangles += groups.iter().map(|it| it.triangles.len()).sum::<usize>();
+                    all.extend(groups);
                 }
-            };
-            if let Some(fault) = fault(shape, &groups) {
-                faults.push(fault);
-                continue;
+                Err(fault) => faults.push(fault),
             }
-            self.triangles += groups.iter().map(|it| it.triangles.len()).sum::<usize>();
             if self.triangles > MOST_TRIANGLES {
-                let expected = format!("at most {MOST_TRIANGLES} in all shapes, each instance counted");
-                return Err(InputError::new(self.file.display(), "shapes", "more triangles", expected));
+                return too_many("more triangles", MOST_TRIANGLES);
             }
-            all.extend(groups);
         }
         Ok((all, faults))
     }

@@ -95,7 +95,7 @@ impl ImportedRobot {
 
         let bodies = std::iter::once(&chain.base).chain(chain.joints.iter().map(|it| &it.body));
         let mut meshes = MeshFiles::new(file);
-        let shapes: Result<Vec<BodyShape>, _> = bodies.map(|body| BodyShape::of(file, body, &mut meshes)).collect();
+        let shapes: Result<Vec<BodyShape>, _> = bodies.map(|body| BodyShape::of(body, &mut meshes)).collect();
         let mut shapes = shapes?;
         assume_shapes(&chain, &mut shapes);
         let joints = joint_values(&name, &chain, &limits, options)?;

@@ -1,6 +1,6 @@
 //! The shapes of a described robot's bodies, and capsules around them.
 
-use std::{collections::BTreeSet, path::Path};
+use std::collections::BTreeSet;
 
 use crate::{
     capsule_fit,
@@ -12,8 +12,6 @@ use nalgebra::{Point3, Vector3};
 
 use super::visual_mesh::seen_from_outside;
 
-/// Shapes of one body at most.
-const MOST_SHAPES: usize = 200;
 /// Greatest extent in metres of a part of an arm: anything larger is no part of one, or in other units.
 const MOST_EXTENT_M: f64 = 3.0;
 /// Capsules are written with so many steps per metre.
@@ -35,24 +33,18 @@ pub struct BodyShape {
 }
 
 impl BodyShape {
-    /// Reads the shapes of a body and fits capsules around those for collisions and what cameras see; `file`
-    /// is the description.
+    /// Reads the shapes of a body and fits capsules around those for collisions and what cameras see.
     ///
     /// # Errors
     /// If it has more shapes or triangles than are read.
-    pub(crate) fn of(file: &Path, body: &Body, meshes: &mut MeshFiles) -> Result<Self, InputError> {
+    pub(crate) fn of(body: &Body, meshes: &mut MeshFiles) -> Result<Self, InputError> {
         let mut shape = Self::default();
-        let file = file.display().to_string();
         let mut read = |shapes: &[Geometry]| {
-            if shapes.len() > MOST_SHAPES {
-                let (field, found) = (format!("link {}", body.links[0]), format!("{} shapes", shapes.len()));
-                return Err(InputError::new(&file, field, found, format!("at most {MOST_SHAPES}")));
-            }
-            let (surfaces, faults) = meshes.placed(shapes, too_large)?;
+            let (surfaces, faults) = meshes.placed(&body.links[0], shapes, too_large)?;
             let all = TriangleMesh::merged(surfaces.iter().map(|it| welded(it, 1.0)));
             let is_whole = faults.is_empty();
             shape.unread.extend(faults);
-            Ok((all, is_whole))
+            Ok::<_, InputError>((all, is_whole))
         };
         let (collisions, (visuals, is_whole)) = (read(&body.collisions)?.0, read(&body.visuals)?);
         if is_whole && !visuals.triangles.is_empty() {
