@@ -2,8 +2,6 @@
 
 use catch_body::{InputError, Pose};
 use nalgebra::{Point3, Vector3};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
 
 use super::cloud_file::{CloudFile, on_surface};
 use catch_lab::{
@@ -20,6 +18,7 @@ const GRIPPER: &str = include_str!("templates/gripper.toml");
 const WORKCELL: &str = include_str!("templates/workcell.toml");
 const CAMERA: &str = include_str!("templates/camera.toml");
 const RIG: &str = include_str!("templates/rig.toml");
+const TRACK: &str = include_str!("templates/track.csv");
 
 /// A file: its name, and its content.
 pub type NewFile = (String, String);
@@ -71,16 +70,7 @@ fn check_name(name: &str) -> Result<(), InputError> {
 /// A name that cannot be a file's.
 pub fn track(name: &str) -> Result<NewFile, InputError> {
     check_name(name)?;
-    let mut rng = Pcg64::seed_from_u64(1);
-    let mut text = "# Seconds and metres, z up; an empty cell is a gap.\nt,x,y,z\n".to_owned();
-    for i in 0..60 {
-        let t = f64::from(i) / 100.0;
-        let off_m = if i % 10 == 7 { 0.3 } else { 0.002 };
-        let [dx, dy, dz]: [f64; 3] = std::array::from_fn(|_| rng.random_range(-off_m..off_m));
-        let [x, y, z] = [2.0 - 3.0 * t + dx, 0.4 * t + dy, 1.0 + 3.5 * t - 4.905 * t * t + dz];
-        text += &format!("{t:.2},{x:.4},{y:.4},{z:.4}\n");
-    }
-    Ok((format!("{name}.csv"), text))
+    Ok((format!("{name}.csv"), TRACK.to_owned()))
 }
 
 /// A cloud of the built-in `object`, turned and shifted, as a camera sees it from one side.
