@@ -85,15 +85,10 @@ fn facts(playback: &Playback) -> Vec<(&'static str, String)> {
     let measures = &verdict.measures;
     let percent = |ratio: f64| format!("{:.0} %", ratio * 100.0);
     let mut facts = Vec::new();
-    if let Some(error_m) = measures.prediction_error_m {
-        facts.push(("Prediction off by", format!("{:.3} mm", error_m * 1e3)));
-    }
-    if let Some(error_m) = measures.tracking_error_m {
-        facts.push(("Hand off its plan by", format!("{:.3} mm", error_m * 1e3)));
-    }
-    if let Some(travel_rad) = measures.joint_travel_rad {
-        facts.push(("Joint travel", format!("{travel_rad:.2} rad")));
-    }
+    let off = |error_m: f64| format!("{:.3} mm", error_m * 1e3);
+    facts.extend(measures.prediction_error_m.map(|it| ("Prediction off by", off(it))));
+    facts.extend(measures.tracking_error_m.map(|it| ("Hand off its plan by", off(it))));
+    facts.extend(measures.joint_travel_rad.map(|it| ("Joint travel", format!("{it:.2} rad"))));
     facts.push(("Peak joint velocity", percent(measures.peak_velocity_ratio)));
     facts.push(("Peak torque", percent(measures.peak_torque_ratio)));
     facts.push(("Limits broken by commands", verdict.limit_violations.to_string()));
