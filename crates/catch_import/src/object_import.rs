@@ -71,14 +71,12 @@ impl ImportedObject {
     /// # Errors
     /// Faults of the files or the options; defects of the surface that cannot be repaired, with their places.
     pub fn read(path: &Path, stem: &str, options: &ImportOptions) -> Result<Self, InputError> {
-        if let Some(scale) = options.scale {
-            quantity::SCALE.check(COMMAND_LINE, "--scale", scale)?;
-        }
-        if let Some(hole_m) = options.largest_hole_m {
-            quantity::SHAPE_SIZE_M.check(COMMAND_LINE, "--fill-holes", hole_m)?;
-        }
-        if let Some(mass_kg) = options.mass_kg {
-            quantity::THROWN_MASS_KG.check(COMMAND_LINE, "--mass", mass_kg)?;
+        for (option, range, given) in [
+            ("--scale", quantity::SCALE, options.scale),
+            ("--fill-holes", quantity::SHAPE_SIZE_M, options.largest_hole_m),
+            ("--mass", quantity::THROWN_MASS_KG, options.mass_kg),
+        ] {
+            given.map(|it| range.check(COMMAND_LINE, option, it)).transpose()?;
         }
         let mut source = Source::read(path, options.link.as_deref(), options.scale)?;
         let mut findings = std::mem::take(&mut source.findings);

@@ -82,7 +82,8 @@ impl<'a> Tree<'a> {
                 self.description.joints_of(at).iter().filter(|it| self.is_moving(it)).collect();
             let with = |least: usize| moving.iter().copied().filter(move |it| self.arm_joints(it) >= least);
             let arms: Vec<&TreeJoint> = with(LEAST_ARM_JOINTS).collect();
-            let is_driven_from_below = |it: &&TreeJoint| it.mimics.as_ref().is_some_and(|by| is_among(by, &path));
+            let is_in_path = |name: &String| path.iter().any(|it| it.name == *name);
+            let is_driven_from_below = |it: &&TreeJoint| it.mimics.as_ref().is_some_and(is_in_path);
             let hand = |reason: String| Ok((path[..end].to_vec(), End::Hand { at, reason }));
             let next = match (&moving[..], &arms[..]) {
                 ([], _) => {
@@ -94,11 +95,8 @@ impl<'a> Tree<'a> {
                 (_, [_, _, ..]) if passed < MOST_JOINTS_BEFORE_A_HAND => {
                     let tips: Vec<&str> = arms.iter().map(|it| self.last_of(it)).collect();
                     let found = format!("{} arms that begin at {at}", arms.len());
-                    return Err(self.fault(
-                        "joint",
-                        found,
-                        format!("one: `--tip LINK`, such as {}", tips.join(" or ")),
-                    ));
+                    let expected = format!("one: `--tip LINK`, such as {}", tips.join(" or "));
+                    return Err(self.fault("joint", found, expected));
                 }
                 // A linkage beside the arm, as those that keep a hand level.
                 _ if moving.iter().filter(|it| !is_driven_from_below(it)).count() == 1 && with(1).count() == 1 => {
@@ -172,11 +170,6 @@ impl<'a> Tree<'a> {
             at = next;
         }
     }
-}
-
-/// Returns whether one of the joints has that name.
-fn is_among(name: &str, joints: &[&TreeJoint]) -> bool {
-    joints.iter().any(|it| it.name == name)
 }
 
 #[cfg(test)]

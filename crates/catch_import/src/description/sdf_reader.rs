@@ -188,10 +188,7 @@ fn geometry(node: Node, link: &str) -> Result<Option<Geometry>, InputError> {
     let Some(geometry) = node.child("geometry") else { return Ok(None) };
     let X_LS = pose(node, link)?;
     let length = |of: Node, name| of.required(name)?.number(EXTENT_M);
-    let three = |of: Node, name, range| {
-        let missing = || of.fault(format!("no <{name}>"), "three numbers, lengths in metres");
-        of.child(name).ok_or_else(missing)?.numbers::<3>(range).map(Vector3::from)
-    };
+    let three = |of: Node, name, range| of.required(name)?.numbers::<3>(range).map(Vector3::from);
     let shape = if let Some(it) = geometry.child("box") {
         Shape::Cuboid(three(it, "size", EXTENT_M)?)
     } else if let Some(it) = geometry.child("cylinder") {

@@ -126,14 +126,8 @@ impl<'a> Tree<'a> {
 
     /// Pose of `link` in the frame of `from`, all joints at zero.
     pub fn pose_from(&self, from: &str, link: &'a str) -> Option<Pose> {
-        let (mut X_AL, mut at) = (Pose::identity(), link);
-        while at != from {
-            let place = self.places.get(at)?;
-            let X_PA = place.joint?.X_PL;
-            let X_PL = X_PA * X_AL;
-            (X_AL, at) = (X_PL, place.parent?);
-        }
-        Some(X_AL)
+        let joints = self.path(from, link).ok()?;
+        Some(joints.iter().rev().fold(Pose::identity(), |X_AL, joint| joint.X_PL * X_AL))
     }
 }
 

@@ -130,11 +130,8 @@ fn joint(element: Node) -> Result<TreeJoint, InputError> {
             "prismatic" => JointKind::Prismatic,
             "floating" | "planar" => JointKind::Other,
             kind => {
-                return Err(element.fault_of(
-                    "type",
-                    kind,
-                    "fixed, revolute, continuous, prismatic, floating or planar",
-                ));
+                let expected = "fixed, revolute, continuous, prismatic, floating or planar";
+                return Err(element.fault_of("type", kind, expected));
             }
         },
         child: child.to_owned(),

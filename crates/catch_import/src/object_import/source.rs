@@ -31,8 +31,6 @@ const FILE: FileKind =
     FileKind::geometry("a mesh: .obj, .stl, .ply, .dae, .gltf or .glb, or a cloud: .ply, .pcd or .xyz");
 /// Names of links that are told.
 const MOST_NAMES: usize = 20;
-/// Shapes of a link at most.
-const MOST_SHAPES: usize = 500;
 /// Greatest number of convex parts of an object.
 const MOST_PARTS: usize = 64;
 /// Collision shapes fill the object if their volume is that many times its own.
@@ -85,14 +83,14 @@ impl Source {
             let found = format!("`{link}` for {}, which has no links", path.display());
             return Err(InputError::new(COMMAND_LINE, "--link", found, "a description, SDF or URDF, or no --link"));
         }
+        let file = path.display().to_string();
         if is_scan {
             let Scanned { surface, findings, gap_m } = depth_images::surface(&path, scale)?;
-            let (file, named) = (path.display().to_string(), format!("depth images of {}", path.display()));
+            let named = format!("depth images of {file}");
             return Ok(Self { file, named, surface, in_metres: true, findings, gap_m, ..Self::default() });
         }
         let named = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if !is_description {
-            let file = path.display().to_string();
             let bytes = FILE.read(&path)?;
             if is_cloud(&path, &bytes) {
                 let cloud = cloud_file::parse(&file, &bytes, false)?;
@@ -109,7 +107,6 @@ impl Source {
             let findings = vec![format!("{file}: {} triangles", surface.triangles.len())];
             return Ok(Self { file, named, surface, in_metres, findings, ..Self::default() });
         }
-        let file = path.display().to_string();
         let text = FileKind::text("a description of an object, SDF or URDF").read_text(&path)?;
         // Some files declare a version of XML that never was.
         let text = text.replacen("<?xml version=\"0.0\"", "<?xml version=\"1.0\"", 1);
@@ -139,13 +136,8 @@ impl Source {
             restitution: link.restitution,
             ..Self::default()
         };
-        let shapes = link.visuals.len() + link.collisions.len();
-        if shapes > MOST_SHAPES {
-            let (field, expected) = (format!("link {name}"), format!("at most {MOST_SHAPES}"));
-            return Err(InputError::new(&source.file, field, format!("{shapes} shapes"), expected));
-        }
         let mut meshes = MeshFiles::new(path);
-        let mut read = |shapes: &[Geometry]| meshes.placed(shapes, |_, _| None);
+        let mut read = |shapes: &[Geometry]| meshes.placed(name, shapes, |_, _| None);
         let ((visuals, mut faults), (collisions, others)) = (read(&link.visuals)?, read(&link.collisions)?);
         faults.extend(others);
         source.findings.extend(faults.iter().map(|it| format!("not read: {it}")));
