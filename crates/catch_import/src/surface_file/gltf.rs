@@ -302,13 +302,14 @@ mod tests {
     fn vertices_are_read_but_nothing_that_would_move_them() {
         let plain = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         assert_eq!(corners(str::to_owned), plain);
-        for (from, more) in [
-            ("\"NORMAL\": 1}", ", \"targets\": [{\"POSITION\": 1}]"),
-            ("\"count\": 3", ", \"sparse\": {\"count\": 1}"),
-            ("{\"mesh\": 0", ", \"weights\": [2]"),
+        for (after, name, value) in [
+            ("\"NORMAL\": 1}", "targets", "[{\"POSITION\": 1}]"),
+            ("\"count\": 3", "sparse", "{\"count\": 1}"),
+            ("{\"mesh\": 0", "weights", "[2]"),
         ] {
-            let fault = document(|it| it.replacen(from, &format!("{from}{more}"), 1)).unwrap_err().to_string();
-            assert!(fault.contains(&more[2..9]) && fault.contains("which is not read"), "{fault}");
+            let more = format!("{after}, \"{name}\": {value}");
+            let fault = document(|it| it.replacen(after, &more, 1)).unwrap_err().to_string();
+            assert!(fault.contains(&format!("found `{name}`, which is not read")), "{fault}");
         }
     }
 
@@ -389,7 +390,7 @@ mod tests {
             ),
             ("\"scene\": 0,", "\"scene\": 3,", "scene 3 of 1"),
             ("\"NORMAL\": 1}", "\"NORMAL\": 1, \"JOINTS_0\": 1}", "JOINTS_0"),
-            ("\"byteLength\": 88", "\"byteLength\": 89", "88 bytes"),
+            ("\"byteLength\": 72", "\"byteLength\": 73", "72 bytes"),
         ] {
             let fault = document(|it| it.replacen(from, to, 1)).unwrap_err().to_string();
             assert!(fault.contains(expected), "{fault}");
