@@ -121,7 +121,7 @@ fn things_are_what_their_files_say() {
 fn what_is_not_read_of_a_thing_is_refused_or_told() {
     for (source, expected) in [
         ("53-gltf-instancing/thing.gltf", "extensionsRequired: found EXT_mesh_gpu_instancing"),
-        ("53-gltf-morph/thing.gltf", "found `targets`, which is not read"),
+        ("53-gltf-morph/thing.gltf", "found `weights`, which is not read"),
         ("53-gltf-sparse/thing.gltf", "found `sparse`, which is not read"),
         ("130-depth-inverse-poses/scan", "of what some images show where others see nothing"),
         ("bounds/dae_vertices_without_faces-a.dae", "no triangles"),
