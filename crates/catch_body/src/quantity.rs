@@ -467,7 +467,7 @@ mod tests {
             ("size_m = [1, 1, 1]\nwidth_px = -1", "width_px: found -1, expected a whole number, 1 to 8192 pixels"),
             (
                 "size_m = [1, 1, 1]\nwidth_px = 100_000_000_000_000_000_000",
-                "line 2: found `width_px = 100_000_000_000_000_000_000`, expected valid TOML",
+                "width_px: found 1e20, expected a whole number, 1 to",
             ),
         ] {
             let fault = read(text).unwrap_err().to_string();

@@ -1,9 +1,9 @@
 //! Parameters of a calibration, and the derivatives of measurements by them.
 //!
 //! Parameters other than the cameras' poses count in their standard deviations, so that each has the prior
-//! N(0, 1), and one that is exact is left out. Where no standard deviation of joint zeros or links' surfaces
-//! is given, it is estimated from the images ([`Shared::tell`]); so is that of the height of each patch,
-//! which counts in the standard deviation of surfaces that it begins with.
+//! N(0, 1). The standard deviations of joint zeros and links' surfaces are estimated from the images
+//! ([`Shared::tell`]); so is that of the height of each patch, which counts in the standard deviation of
+//! surfaces that it begins with.
 
 use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 

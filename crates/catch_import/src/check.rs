@@ -285,12 +285,12 @@ fn faults_of_scenario(asset: &Asset) -> Vec<InputError> {
     faults
 }
 
-/// Checks that a throw can be thrown: where no scenario says at which arm, at the one of [`RIG_SCENARIO`].
+/// Checks the flights of a throw. No scenario says what is in their way.
 fn thrown_alone(asset: &Asset) -> Result<(), InputError> {
     let mut setup = Setup::load(&Choice { scenario: Some(RIG_SCENARIO), ..Choice::default() })?;
     setup.throw = asset.throw()?.for_arm(setup.robot.length_m());
     setup.scenario.throw.clone_from(&asset.file);
-    setup.check_throw(0, 0)
+    setup.check_flight(0, 0)
 }
 
 /// Checks that the object of a setup can be held, and thrown.

@@ -144,7 +144,7 @@ fn no_place(file: &str, row: usize, found: String) -> InputError {
     InputError::new(file, format!("point {}", row + 1), found, "a coordinate in metres")
 }
 
-/// Numbers of one column of a PCD file at most.
+/// Numbers of a point of a PCD file at most.
 const MOST_COUNT: usize = 1024;
 
 fn parse_pcd(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
@@ -211,6 +211,9 @@ fn pcd_columns<'a>(file: &str, entry: impl Fn(&str) -> Vec<&'a str>) -> Result<V
             .filter(|count| (1..=MOST_COUNT).contains(count))
             .ok_or_else(|| fault("COUNT", count, &format!("1 to {MOST_COUNT}")))?;
         columns.extend((0..count).map(|_| Property { name: (*name).to_owned(), length: None, of }));
+        if columns.len() > MOST_COUNT {
+            return Err(fault("COUNT", "more numbers", &format!("at most {MOST_COUNT} of a point")));
+        }
     }
     if !counts.is_empty() && counts.len() != names.len() {
         return Err(fault("COUNT", &format!("{} entries", counts.len()), "one entry per column"));

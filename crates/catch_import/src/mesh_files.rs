@@ -42,12 +42,11 @@ impl<'a> MeshFiles<'a> {
         fault: impl Fn(&Geometry, &[TriangleMesh]) -> Option<InputError>,
     ) -> Result<(Vec<TriangleMesh>, Vec<InputError>), InputError> {
         let file = self.file.display();
-        let too_many = |found: &str, most: usize| {
-            let expected = format!("at most {most} in all shapes, each instance counted");
-            Err(InputError::new(&file, format!("link {link}"), found, expected))
+        let too_many = |found: String, expected: String| {
+            Err(InputError::new(&file, format!("link {link}"), found, format!("at most {expected}")))
         };
         if shapes.len() > MOST_SHAPES {
-            return too_many("more shapes", MOST_SHAPES);
+            return too_many(format!("{} shapes", shapes.len()), MOST_SHAPES.to_string());
         }
         let (mut all, mut faults) = (Vec::new(), Vec::new());
         for shape in shapes {
@@ -59,7 +58,8 @@ impl<'a> MeshFiles<'a> {
                 Err(fault) => faults.push(fault),
             }
             if self.triangles > MOST_TRIANGLES {
-                return too_many("more triangles", MOST_TRIANGLES);
+                let expected = format!("{MOST_TRIANGLES} in all shapes, each instance counted");
+                return too_many("more triangles".to_owned(), expected);
             }
         }
         Ok((all, faults))

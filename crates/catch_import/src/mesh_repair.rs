@@ -73,7 +73,11 @@ pub fn repaired(
         shell_of = orient(&mut mesh.triangles).0;
     }
     let overlapping = overlapping(&mesh, &shell_of);
-    told(&mut repairs, "shells whose boxes overlap: a common volume counts twice (unite them before)", overlapping);
+    told(
+        &mut repairs,
+        "shells whose boxes overlap: a common volume would count twice (unite them before)",
+        overlapping,
+    );
     mesh.drop_unused_vertices();
     let volume_m3 = mesh.volume();
     if volume_m3.is_finite() && volume_m3 > LEAST_FILLING * size_m.powi(3) {
@@ -348,7 +352,7 @@ mod tests {
             apart.merge(&cube(0.05).translated(&Vector3::from(to)));
             let (mesh, repairs) = repaired(&apart).unwrap();
             assert_eq!((mesh.triangles.len(), repairs.len()), (24, crossing), "{to:?}");
-            let said = "shells whose boxes overlap: a common volume counts twice (unite them before): 2";
+            let said = "shells whose boxes overlap: a common volume would count twice (unite them before): 2";
             assert!(repairs.iter().all(|it| it == said), "{repairs:?}");
         }
     }

@@ -166,7 +166,7 @@ impl Scenario {
             let whole = |path: &str| path.split('.').all(|field| !field.trim().is_empty());
             let (path, text) = setting.split_once('=').filter(|(path, _)| whole(path)).ok_or_else(example)?;
             // A value that is no TOML is meant as text.
-            let value = toml::from_str::<toml::Table>(&format!("value = {text}")).ok();
+            let value = InputError::toml_table(&format!("value = {text}")).ok();
             let value = value.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.trim().into());
             let (table, field) = parent(path, &mut tree).map_err(fault)?;
             table.insert(field.to_owned(), value);

@@ -95,6 +95,10 @@ impl<'de> SeqAccess<'de> for &mut Elements<'de> {
         self.next += 1;
         seed.deserialize(Node(value)).map(Some).map_err(|fault| fault.within(Step::Index(index)))
     }
+
+    fn size_hint(&self) -> Option<usize> {
+        Some(self.list.len() - self.next)
+    }
 }
 
 struct Entries<'a> {

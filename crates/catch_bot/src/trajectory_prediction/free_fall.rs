@@ -1,7 +1,7 @@
 //! Evidence that a thing falls freely, and is no hand that moves.
 
 use catch_body::dynamics::gravity;
-use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
+use nalgebra::{Matrix3x6, Matrix6, Vector3, Vector6};
 
 use super::{
     FlightTrajectory, WINDOW,
@@ -13,18 +13,14 @@ use crate::perception::ObjectPose;
 
 /// Degrees of freedom that "the errors are as the poses say" counts for.
 const SCALE_PRIOR_DOF: f64 = 12.0;
-/// Standard deviation of a component of the velocity of what is thrown, and of hands and other things that
-/// do not fall, in m/s. People walk at 1.4 m/s and gesture at twice that.
-const THROWN_MPS: f64 = 4.0;
-const HELD_MPS: f64 = 1.5;
+
 /// Logarithm of how much likelier the newest poses are of a thing that falls freely than of one that moves
 /// uniformly. `None` if they do not tell.
 ///
 /// A hand moves nearly uniformly for a tenth of a second; in that time gravity bends a path by 12 mm. Both
 /// motions are those that fit best to the positions which agree with `flight`, since one of them first did:
 /// the thing may have been held before. How far positions err is estimated along with them, so two densities
-/// of Student's t are compared. Speed tells, too: at 7 m/s a thing is thrown, whatever its path looks like.
-/// If fewer than half of the positions agree, they tell nothing.
+/// of Student's t are compared. If fewer than half of the positions agree, they tell nothing.
 pub fn log_evidence(poses: &[ObjectPose], flight: &FlightTrajectory) -> Option<f64> {
     let fits = |pose: &&ObjectPose| {
         let off_m = pose.X_WO.translation.vector - flight.pose_at(pose.capture_s).translation.vector;
@@ -36,56 +32,30 @@ pub fn log_evidence(poses: &[ObjectPose], flight: &FlightTrajectory) -> Option<f
         return None;
     }
     let v_WO = flight.v_WOcm;
-    let uniform = Motion::fitted(&agreeing, flight, &Vector3::zeros())?;
-    let falling = Motion::fitted(&agreeing, flight, &(gravity() - v_WO * (flight.drag_per_m * v_WO.norm())))?;
+    let uniform = squares(&agreeing, flight, &Vector3::zeros())?;
+    let falling = squares(&agreeing, flight, &(gravity() - v_WO * (flight.drag_per_m * v_WO.norm())))?;
     let dof = SCALE_PRIOR_DOF + 3.0 * agreeing.len() as f64 - 6.0;
-    let of_errors = 0.5 * dof * libm::log((SCALE_PRIOR_DOF + uniform.squares) / (SCALE_PRIOR_DOF + falling.squares));
-    let density = |motion: &Motion, sd_mps| motion.log_density(sd_mps, (SCALE_PRIOR_DOF + motion.squares) / dof);
-    Some(of_errors + density(&falling, THROWN_MPS)? - density(&uniform, HELD_MPS)?)
+    Some(0.5 * dof * libm::log((SCALE_PRIOR_DOF + uniform) / (SCALE_PRIOR_DOF + falling)))
 }
 
-/// The motion of constant acceleration that fits best to positions.
-struct Motion {
-    /// Sum of squares, in standard deviations, by which the positions are off.
-    squares: f64,
-    /// Velocity at the flight's time, and its covariance if the positions err as they say.
-    v_WO: Vector3<f64>,
-    covariance: Matrix3<f64>,
-}
-
-impl Motion {
-    /// Fits a motion near a flight. `None` if none is determined.
-    fn fitted(poses: &[&ObjectPose], flight: &FlightTrajectory, a_W: &Vector3<f64>) -> Option<Self> {
-        let (mut information, mut pull, mut squares) = (Matrix6::zeros(), Vector6::zeros(), 0.0);
-        for pose in poses {
-            let elapsed_s = pose.capture_s - flight.time_s;
-            let moved_m = flight.v_WOcm * elapsed_s + a_W * (0.5 * elapsed_s * elapsed_s);
-            let off_m = pose.X_WO.translation.vector - flight.p_WOcm.coords - moved_m;
-            let weight = of_position(pose);
-            let mut by_start = Matrix3x6::identity();
-            by_start.fixed_view_mut::<3, 3>(0, 3).fill_diagonal(elapsed_s);
-            let weighted = by_start.transpose() * weight;
-            information += weighted * by_start;
-            pull += weighted * off_m;
-            squares += off_m.dot(&(weight * off_m));
-        }
-        let covariance = information.cholesky()?.inverse();
-        let change = covariance * pull;
-        let squares = squares - pull.dot(&change);
-        squares.is_finite().then(|| Self {
-            squares: squares.max(0.0),
-            v_WO: flight.v_WOcm + change.fixed_rows::<3>(3),
-            covariance: covariance.fixed_view::<3, 3>(3, 3).into_owned(),
-        })
+/// Least sum of squares, in standard deviations, by which positions are off a motion of constant
+/// acceleration near a flight. `None` if no such motion is determined.
+fn squares(poses: &[&ObjectPose], flight: &FlightTrajectory, a_W: &Vector3<f64>) -> Option<f64> {
+    let (mut information, mut pull, mut squares) = (Matrix6::zeros(), Vector6::zeros(), 0.0);
+    for pose in poses {
+        let elapsed_s = pose.capture_s - flight.time_s;
+        let moved_m = flight.v_WOcm * elapsed_s + a_W * (0.5 * elapsed_s * elapsed_s);
+        let off_m = pose.X_WO.translation.vector - flight.p_WOcm.coords - moved_m;
+        let weight = of_position(pose);
+        let mut by_start = Matrix3x6::identity();
+        by_start.fixed_view_mut::<3, 3>(0, 3).fill_diagonal(elapsed_s);
+        let weighted = by_start.transpose() * weight;
+        information += weighted * by_start;
+        pull += weighted * off_m;
+        squares += off_m.dot(&(weight * off_m));
     }
-
-    /// Logarithm of the density of the velocity among those of things at rest on average, with a standard
-    /// deviation, where the positions' errors have some variance instead of 1; but for a constant.
-    fn log_density(&self, sd_mps: f64, variance: f64) -> Option<f64> {
-        let spread = self.covariance * variance + Matrix3::from_diagonal_element(sd_mps * sd_mps);
-        let spread = spread.cholesky()?;
-        Some(-0.5 * (self.v_WO.dot(&spread.solve(&self.v_WO)) + libm::log(spread.determinant())))
-    }
+    let left = squares - pull.dot(&information.cholesky()?.solve(&pull));
+    left.is_finite().then(|| left.max(0.0))
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use catch_body::{
     free_flight::ballistic::{Law, Motion},
     symmetry::Symmetry,
 };
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -21,6 +21,8 @@ use crate::perception::ObjectPose;
 #[derive(Debug, Clone, Default)]
 pub struct Scratch {
     orientations: Vec<Orientation>,
+    /// Information on each pose's position.
+    positions: Vec<Matrix3<f64>>,
 }
 
 /// Model of a sampled flight's rotation.
@@ -84,6 +86,13 @@ pub fn best_flight(
     if poses.len() < 2 {
         return Err(PredictionStatus::TooFewPoses);
     }
+    let Scratch { orientations, positions } = scratch;
+    // Room for as many as there will ever be, so that it is made once.
+    orientations.clear();
+    orientations.reserve(WINDOW);
+    positions.clear();
+    positions.reserve(WINDOW);
+    positions.extend(poses.iter().map(of_position));
     let mut random = Pcg64Mcg::seed_from_u64(seed ^ poses.len() as u64);
     let mut best: Option<(Agreement, FlightTrajectory)> = None;
     for sample in 0..most.max(SAMPLES) {
@@ -94,7 +103,7 @@ pub fn best_flight(
         let second = (first + random.random_range(1..poses.len())) % poses.len();
         let (from, to) = (first.min(second), first.max(second));
         let Some(flight) = through(&poses[from], &poses[to], symmetry, rotation, config) else { continue };
-        let agreement = agreement(poses, &flight, symmetry, rotation);
+        let agreement = agreement((poses, positions), &flight, symmetry, rotation);
         if best.as_ref().is_none_or(|(best, _)| agreement.is_better_than(best, ties)) {
             best = Some((agreement, flight));
         }
@@ -104,12 +113,8 @@ pub fn best_flight(
         return Err(PredictionStatus::NoAgreement);
     }
     if rotation == Rotation::Free {
-        let orientations = &mut scratch.orientations;
-        orientations.clear();
-        // Room for as many as there will ever be, so that it is made once.
-        orientations.reserve(WINDOW);
-        each_position(poses, &flight, |pose, p_WO| {
-            if is_finite(pose) && agrees(pose, &(pose.X_WO.translation.vector - p_WO)) {
+        each_position((poses, positions), &flight, |(pose, information), p_WO| {
+            if is_finite(pose) && is_within(&(pose.X_WO.translation.vector - p_WO), information) {
                 orientations.push(Orientation::of(pose));
             }
         });
@@ -179,21 +184,24 @@ fn through(
     (v_WOcm.iter().chain(w_WO.iter()).all(|value| value.is_finite())).then_some(flight)
 }
 
+/// Poses, and the information on the position of each.
+type Seen<'a> = (&'a [ObjectPose], &'a [Matrix3<f64>]);
+
 /// Calls `visit` with each pose and where the flight is then, pose after pose.
 fn each_position<'a>(
-    poses: &'a [ObjectPose],
+    (poses, positions): Seen<'a>,
     flight: &FlightTrajectory,
-    mut visit: impl FnMut(&'a ObjectPose, &Vector3<f64>),
+    mut visit: impl FnMut((&'a ObjectPose, &'a Matrix3<f64>), &Vector3<f64>),
 ) {
     let mut motion = Motion::new(flight.p_WOcm.coords, flight.v_WOcm);
     let mut time_s = flight.time_s;
-    for pose in poses {
+    for (pose, position) in poses.iter().zip(positions) {
         let elapsed_s = pose.capture_s - time_s;
         if elapsed_s.is_finite() {
             motion = motion.after(elapsed_s, &Law::with_drag(flight.drag_per_m), false);
             time_s = pose.capture_s;
         }
-        visit(pose, &motion.p);
+        visit((pose, position), &motion.p);
     }
 }
 
@@ -218,11 +226,11 @@ impl Agreement {
 }
 
 /// Agreement of poses with a flight; the rotation counts where it is constant.
-fn agreement(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetry, rotation: Rotation) -> Agreement {
+fn agreement(seen: Seen<'_>, flight: &FlightTrajectory, symmetry: &Symmetry, rotation: Rotation) -> Agreement {
     let (mut inliers, mut squares, mut sum) = (0, 0.0, 0.0);
-    each_position(poses, flight, |pose, p_WO| {
+    each_position(seen, flight, |(pose, information), p_WO| {
         let off_m = pose.X_WO.translation.vector - p_WO;
-        if !agrees(pose, &off_m) {
+        if !is_within(&off_m, information) {
             return;
         }
         let distance = off_m.norm();
@@ -246,11 +254,13 @@ fn agreement(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetr
 /// [`INLIER_M`], or by what the pose may be off. One camera knows where along its ray a far object is to
 /// centimetres, and across it to millimetres.
 pub(super) fn agrees(pose: &ObjectPose, off_m: &Vector3<f64>) -> bool {
-    if off_m.norm() < INLIER_M {
-        return true;
-    }
-    let information = of_position(pose);
-    information.trace() > 0.0 && off_m.dot(&(information * off_m)) < 3.0 * INLIER_SD * INLIER_SD
+    off_m.norm() < INLIER_M || is_within(off_m, &of_position(pose))
+}
+
+/// The same of a position by the information on it.
+fn is_within(off_m: &Vector3<f64>, information: &Matrix3<f64>) -> bool {
+    let is_known = information.trace() > 0.0;
+    off_m.norm() < INLIER_M || is_known && off_m.dot(&(information * off_m)) < 3.0 * INLIER_SD * INLIER_SD
 }
 
 /// Returns whether all numbers of a pose are finite.

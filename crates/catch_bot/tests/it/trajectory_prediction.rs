@@ -156,8 +156,6 @@ fn claimed_uncertainty_holds() {
     }
 }
 
-/// The axis of a bottle whose ends are confused in four of ten images is found nevertheless; less often if
-/// each image is believed.
 /// One far camera sees where along its ray an object is to centimetres, and across it to millimetres.
 #[test]
 fn a_far_camera_knows_the_flight_all_along() {
@@ -186,6 +184,8 @@ fn a_far_camera_knows_the_flight_all_along() {
     }
 }
 
+/// The axis of a bottle whose ends are confused in four of ten images is found nevertheless; less often if
+/// each image is believed.
 #[test]
 fn confused_ends_leave_the_axis() {
     let (axis, config) = (Vector3::z_axis(), Config::default());

@@ -77,7 +77,8 @@ pub(super) fn face_outwards(mesh: &mut TriangleMesh, shell_of: &[u32]) -> (usize
     (turned + turn.iter().filter(|it| **it).count(), leave_out(mesh, shell_of, &drop))
 }
 
-/// Number of solid shells whose boxes overlap: what two of them hold counts twice.
+/// Number of solid shells, of the first [`MOST_SHELLS`], whose boxes overlap: what two of them hold counts
+/// twice.
 pub(super) fn overlapping(mesh: &TriangleMesh, shell_of: &[u32]) -> usize {
     let shells = Shell::all(mesh, shell_of);
     // Cavities are within another shell, and what was left out has no triangle.

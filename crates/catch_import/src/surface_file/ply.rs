@@ -63,6 +63,10 @@ impl PlyFile {
             let field = format!("element {}", element.name);
             return Err(InputError::new(numbers.file, field, "no x, y or z", "properties x, y and z"));
         }
+        if has_places(element) && !self.mesh.vertices.is_empty() {
+            let field = format!("element {}", element.name);
+            return Err(InputError::new(numbers.file, field, "it twice", "one element of places"));
+        }
         for row in 0..element.rows {
             self.row(element, numbers, row)?;
             if self.mesh.triangles.len() > MOST_TRIANGLES {
@@ -255,6 +259,14 @@ mod tests {
             (text.replace("ascii 1.0", "ascii 2.0"), "format: found format ascii 2.0"),
             (text.replace("vertex 4", "vertex 99999999999"), "element: found"),
             (text.replace("property float y", "property float q"), "no x, y or z"),
+            (
+                text.replace(
+                    "element face 1\n",
+                    "element vertex 1\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n",
+                )
+                .replace("4 0 1 2 3\n", "5 5 5\n4 0 1 2 3\n"),
+                "element vertex: found it twice",
+            ),
             (text.replace("uchar red", "colour red"), "property: found colour"),
             (text.replace("ascii", "zip"), "format: "),
             ("ply\n".to_owned(), "no PLY header"),

@@ -43,9 +43,16 @@ impl Setup {
         Err(self.fault(found, "a release that touches nothing: 1 mm or more from hand, arm, floor and obstacles"))
     }
 
-    /// Checks that the flight meets the floor within a trial, if nothing is in its way.
-    fn check_flight(&self, seed: u64, index: u64) -> Result<(), InputError> {
+    /// Checks that the flight begins above the floor and meets it within a trial, if nothing is in its way.
+    ///
+    /// # Errors
+    /// If it does not.
+    pub fn check_flight(&self, seed: u64, index: u64) -> Result<(), InputError> {
         let (release, conditions) = (self.release(seed, index), self.conditions(seed, index));
+        if release.p_WO.z <= 0.0 {
+            let found = format!("the release of {} at a height of {:.3} m", self.named(index), release.p_WO.z);
+            return Err(self.fault(found, "one above the floor"));
+        }
         let flight = FreeFlight::new(&self.object, &release, &conditions, STEP_S);
         let mut states = flight.take((LONGEST_FLIGHT_S / STEP_S) as usize);
         if states.any(|(X_WO, _)| X_WO.translation.z <= 0.0) {
