@@ -321,7 +321,7 @@ fn every_asset_is_right_and_what_is_not_is_told() {
             "truth.shape.diameter_m: found \"60 mm\", expected a number",
         ),
         ("empty.toml", "", "", "found nothing, expected the fields of a scenario"),
-        ("throws/near.toml", "3.75643]", "75.0]", "expected a flight that meets the floor within 5 s"),
+        ("throws/near.toml", "3.75643]", "40.0]", "expected a flight that meets the floor within 5 s"),
         ("throws/near.toml", "0.3]", "-0.3]", "in throw 0 at a height of -0.300 m, expected one above the floor"),
     ] {
         let output = check(&[assets.spoil(file, right, wrong)]);
