@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     AerodynamicForces, Config, FIT_WINDOW, FlightTrajectory, LEAST_DRAG_PER_M,
+    agreement::{is_finite, of_position},
     correlated_error::CorrelatedSums,
     process_noise::{add_product, after_impulse, lost_square},
 };
@@ -176,7 +177,7 @@ impl<'a> Model<'a> {
         let mut last = newest;
         let (mut by_velocity, mut by_position) = (last * 0.0, last * 0.0);
         let mut age_s = 0.0;
-        for pose in poses.iter().rev().filter(|pose| super::ransac::is_finite(pose)) {
+        for pose in poses.iter().rev().filter(|pose| is_finite(pose)) {
             let h = (flight.time_s - pose.capture_s - age_s).max(0.0);
             v -= (gravity() - v * (flight.drag_per_m * v.norm())) * h;
             tumbling = tumbling.after(-h, false);
@@ -349,14 +350,6 @@ fn braking(drag_per_m: f64, deviation: Matrix3<f64>, most_per_m: f64) -> Matrix3
     }
     along.eigenvalues.apply(|it| *it = it.clamp(LEAST_DRAG_PER_M, most_per_m));
     along.recompose() - drag
-}
-
-/// Information on a pose's position alone, whatever its orientation.
-pub(super) fn of_position(pose: &ObjectPose) -> Matrix3<f64> {
-    let block = |i, j| pose.information.fixed_view::<3, 3>(i, j).into_owned();
-    let (turns, mixed, shifts) = (block(0, 0), block(0, 3), block(3, 3));
-    let seen = turns + Matrix3::identity() * (1e-6 * turns.trace() + 1e-12);
-    seen.cholesky().map_or(shifts, |factor| shifts - mixed.transpose() * factor.solve(&mixed))
 }
 
 #[cfg(test)]

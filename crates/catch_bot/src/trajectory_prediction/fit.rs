@@ -22,9 +22,9 @@ use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
 
 use super::{
     AerodynamicForces, Config, FIT_WINDOW, FlightTrajectory, PredictionStatus, WINDOW,
+    agreement::{agrees, is_finite},
     correlated_error::CorrelatedSums,
     inertia_per_kg,
-    ransac::{agrees, is_finite},
 };
 use crate::perception::ObjectPose;
 use row::Row;

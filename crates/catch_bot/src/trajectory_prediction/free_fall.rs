@@ -5,9 +5,8 @@ use nalgebra::{Matrix3x6, Matrix6, Vector3, Vector6};
 
 use super::{
     FlightTrajectory, WINDOW,
-    aerodynamics::of_position,
+    agreement::{agrees, is_finite, of_position},
     newest,
-    ransac::{agrees, is_finite},
 };
 use crate::perception::ObjectPose;
 

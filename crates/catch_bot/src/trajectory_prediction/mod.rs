@@ -5,6 +5,7 @@
 
 mod aerodynamic_forces;
 mod aerodynamics;
+mod agreement;
 mod correlated_error;
 mod fit;
 mod flight;
@@ -86,8 +87,6 @@ pub const FIRST_AFTER: usize = 3;
 pub(crate) const WINDOW: usize = 30;
 /// Newest poses at most that the fit looks at: a second of them, since each adds information.
 const FIT_WINDOW: usize = 100;
-/// A pose agrees with a flight within this distance, in metres (original).
-const INLIER_M: f64 = 0.01;
 
 impl Config {
     /// Drag constant that is expected, in 1/m.

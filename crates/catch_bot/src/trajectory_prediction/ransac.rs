@@ -10,8 +10,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::{
-    Config, FlightTrajectory, INLIER_M, PredictionStatus, WINDOW,
-    aerodynamics::of_position,
+    Config, FlightTrajectory, PredictionStatus, WINDOW,
+    agreement::{is_finite, is_within, of_position},
     inertia_per_kg,
     rotation_consensus::{Orientation, agree_on_rotation},
 };
@@ -61,8 +61,6 @@ pub struct Sampling {
 
 /// Two-pose flights that are sampled at least (paper, III-B).
 pub const SAMPLES: usize = 20;
-/// A pose agrees with a flight within so many standard deviations, root mean square over the axes.
-const INLIER_SD: f64 = 3.0;
 /// A pose agrees with a rotation within this angle, in radians (original).
 const INLIER_RAD: f64 = 0.1;
 
@@ -248,23 +246,4 @@ fn agreement(seen: Seen<'_>, flight: &FlightTrajectory, symmetry: &Symmetry, rot
         }
     });
     Agreement { inliers, mean_square_m2: squares / inliers.max(1) as f64, sum }
-}
-
-/// Returns whether a pose agrees with a flight that passes `off_m` beside its position: by less than
-/// [`INLIER_M`], or by what the pose may be off. One camera knows where along its ray a far object is to
-/// centimetres, and across it to millimetres.
-pub(super) fn agrees(pose: &ObjectPose, off_m: &Vector3<f64>) -> bool {
-    off_m.norm() < INLIER_M || is_within(off_m, &of_position(pose))
-}
-
-/// The same of a position by the information on it.
-fn is_within(off_m: &Vector3<f64>, information: &Matrix3<f64>) -> bool {
-    let is_known = information.trace() > 0.0;
-    off_m.norm() < INLIER_M || is_known && off_m.dot(&(information * off_m)) < 3.0 * INLIER_SD * INLIER_SD
-}
-
-/// Returns whether all numbers of a pose are finite.
-pub(super) fn is_finite(pose: &ObjectPose) -> bool {
-    let numbers = pose.X_WO.translation.vector.sum() + pose.X_WO.rotation.coords.sum() + pose.information.sum();
-    pose.capture_s.is_finite() && numbers.is_finite()
 }

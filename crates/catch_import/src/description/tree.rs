@@ -127,7 +127,7 @@ impl<'a> Tree<'a> {
     /// Pose of `link` in the frame of `from`, all joints at zero.
     pub fn pose_from(&self, from: &str, link: &'a str) -> Option<Pose> {
         let joints = self.path(from, link).ok()?;
-        Some(joints.iter().rev().fold(Pose::identity(), |X_AL, joint| joint.X_PL * X_AL))
+        Some(joints.iter().rev().fold(Pose::identity(), |X_LE, joint| joint.X_PL * X_LE))
     }
 }
 
