@@ -285,7 +285,7 @@ fn faults_of_scenario(asset: &Asset) -> Vec<InputError> {
     faults
 }
 
-/// Checks the flights of a throw. No scenario says what is in their way.
+/// Checks the first flight of a throw. No scenario says what is in its way.
 fn thrown_alone(asset: &Asset) -> Result<(), InputError> {
     let mut setup = Setup::load(&Choice { scenario: Some(RIG_SCENARIO), ..Choice::default() })?;
     setup.throw = asset.throw()?.for_arm(setup.robot.length_m());
